@@ -1,0 +1,197 @@
+"""Solving a nonlinear programme with IPOPT: progress, cancelling, time limit, plain words."""
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as cas
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ResultCode
+
+Array = NDArray[np.float64]
+
+MAX_ITERATIONS = 1000
+OPTIONS = {
+    'ipopt.print_level': 0,
+    'ipopt.sb': 'yes',
+    'ipopt.max_iter': MAX_ITERATIONS,
+    'ipopt.tol': 1e-8,
+    'print_time': False,
+    'calc_lam_p': False,
+    'expand': True,
+}
+
+_CODES = {
+    'Solve_Succeeded': ResultCode.SUCCESS,
+    'Solved_To_Acceptable_Level': ResultCode.SUCCESS,
+    'Infeasible_Problem_Detected': ResultCode.INFEASIBLE,
+    'Restoration_Failed': ResultCode.INFEASIBLE,
+    'Search_Direction_Becomes_Too_Small': ResultCode.INFEASIBLE,
+    'Diverging_Iterates': ResultCode.INFEASIBLE,
+    'Not_Enough_Degrees_Of_Freedom': ResultCode.BAD_REQUEST,
+    'Maximum_Iterations_Exceeded': ResultCode.ITERATION_LIMIT,
+    'User_Requested_Stop': ResultCode.CANCELLED,
+}
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """Progress of a solve after one iteration; `elapsed` in seconds."""
+
+    number: int
+    objective: float
+    primal_infeasibility: float
+    dual_infeasibility: float
+    elapsed: float
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The last iterate and how the solve ended."""
+
+    code: ResultCode
+    status: str
+    variables: Array
+    objective: float
+    gaps: Array
+    violation: float
+    iterations: int
+    wall_s: float
+
+
+OnIteration = Callable[[Iteration], None]
+
+
+class Solver:
+    """IPOPT on one programme; may be called from any thread, one solve at a time."""
+
+    def __init__(self, programme: dict[str, cas.MX]) -> None:
+        self._lock = threading.Lock()
+        self._callback = _Callback(programme)
+        started = time.perf_counter()
+        self._nlp = cas.nlpsol(
+            'plan', 'ipopt', programme, {**OPTIONS, 'iteration_callback': self._callback}
+        )
+        self.build_s = time.perf_counter() - started
+
+    def solve(
+        self,
+        guess: Array,
+        lower: Array,
+        upper: Array,
+        parameters: Array,
+        *,
+        max_wall_time: float,
+        on_iteration: OnIteration | None = None,
+        should_stop: Callable[[], bool] | None = None,
+    ) -> Solution:
+        """Return the last iterate; a stop asked for takes effect at the next iteration."""
+        with self._lock:
+            watch = _Watch(self._nlp, lower, upper, max_wall_time, on_iteration, should_stop)
+            self._callback.watch = watch
+            try:
+                result = self._nlp(x0=guess, lbx=lower, ubx=upper, lbg=0, ubg=0, p=parameters)
+            finally:
+                self._callback.watch = None
+            stats = self._nlp.stats()
+            if watch.error is not None:
+                raise watch.error
+        status = str(stats['return_status'])
+        code = _CODES.get(status, ResultCode.INTERNAL)
+        if code == ResultCode.CANCELLED and watch.timed_out:
+            code, status = ResultCode.TIME_LIMIT, 'Maximum_WallTime_Exceeded'
+        variables, gaps = result['x'].full().ravel(), result['g'].full().ravel()
+        return Solution(
+            code=code,
+            status=status,
+            variables=variables,
+            objective=float(result['f']),
+            gaps=gaps,
+            violation=_violation(variables, gaps, lower, upper),
+            iterations=int(stats['iter_count']),
+            wall_s=time.perf_counter() - watch.started,
+        )
+
+
+def _violation(variables: Array, gaps: Array, lower: Array, upper: Array) -> float:
+    outside = np.maximum(lower - variables, variables - upper)
+    return float(max(np.abs(gaps).max(initial=0.0), outside.max(initial=0.0), 0.0))
+
+
+class _Watch:
+    """What one solve reports to its caller, and when it has to end."""
+
+    def __init__(
+        self,
+        nlp: cas.Function,
+        lower: Array,
+        upper: Array,
+        max_wall_time: float,
+        on_iteration: OnIteration | None,
+        should_stop: Callable[[], bool] | None,
+    ) -> None:
+        self.nlp, self.lower, self.upper = nlp, lower, upper
+        self.max_wall_time = max_wall_time
+        self.on_iteration, self.should_stop = on_iteration, should_stop
+        self.started = time.perf_counter()
+        self.count = 0
+        self.timed_out = False
+        self.error: BaseException | None = None
+
+    def __call__(self, variables: Array, objective: float, gaps: Array) -> bool:
+        """Report an iterate; return whether to stop."""
+        elapsed = time.perf_counter() - self.started
+        try:
+            if self.on_iteration is not None:
+                dual = self.nlp.stats()['iterations']['inf_du']
+                self.on_iteration(
+                    Iteration(
+                        number=self.count,
+                        objective=objective,
+                        primal_infeasibility=_violation(
+                            variables, gaps, self.lower, self.upper
+                        ),
+                        dual_infeasibility=float(dual[-1]) if dual else float('nan'),
+                        elapsed=elapsed,
+                    )
+                )
+            self.count += 1
+            self.timed_out = elapsed > self.max_wall_time
+            return self.timed_out or (self.should_stop is not None and self.should_stop())
+        except BaseException as error:  # it cannot pass through IPOPT: solve() raises it again
+            self.error = error
+            return True
+
+
+class _Callback(cas.Callback):  # type: ignore[misc]
+    """CasADi's iteration callback, handed on to the watch of the solve under way."""
+
+    def __init__(self, programme: dict[str, cas.MX]) -> None:
+        super().__init__()
+        self._sizes = {key: programme[key].size1() for key in ('x', 'g', 'p')}
+        self.watch: _Watch | None = None
+        self.construct('progress', {})
+
+    def get_n_in(self) -> int:
+        return int(cas.nlpsol_n_out())
+
+    def get_n_out(self) -> int:
+        return 1
+
+    def get_name_in(self, i: int) -> str:
+        return str(cas.nlpsol_out(i))
+
+    def get_sparsity_in(self, i: int) -> cas.Sparsity:
+        name = cas.nlpsol_out(i).removeprefix('lam_')
+        return cas.Sparsity.dense(1 if name == 'f' else self._sizes[name])
+
+    def eval(self, arg: Any) -> list[int]:
+        if self.watch is None:
+            return [0]
+        inputs = {cas.nlpsol_out(i): value for i, value in enumerate(arg)}
+        variables, gaps = inputs['x'].full().ravel(), inputs['g'].full().ravel()
+        return [int(self.watch(variables, float(inputs['f']), gaps))]

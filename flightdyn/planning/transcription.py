@@ -1,0 +1,150 @@
+"""How a problem becomes a nonlinear programme: direct multiple shooting with RK4."""
+
+from dataclasses import dataclass
+
+import casadi as cas
+import numpy as np
+from numpy.typing import NDArray
+
+from ..dynamics.stage import Stage
+from ..simulation.integrator import rk4_step
+from ..trajectory import Interpolation
+from .guess import guess_columns, guess_duration
+from .problem import Problem
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Equal intervals, RK4 substeps in each, and how controls run through them."""
+
+    intervals: int
+    substeps: int
+    control_interpolation: Interpolation
+
+    @property
+    def control_nodes(self) -> int:
+        """Number of control values: one an interval if held, one a node if linear."""
+        return self.intervals + (self.control_interpolation == 'linear')
+
+    def __str__(self) -> str:
+        return (
+            f'multiple shooting, RK4 x{self.substeps}, {self.control_interpolation} controls, '
+            f'{self.intervals} intervals'
+        )
+
+
+@dataclass(frozen=True)
+class Point:
+    """Values of a programme's variables, unscaled: states (nx, N + 1), controls (nu, m), time."""
+
+    states: Array
+    controls: Array
+    duration: float
+
+
+class MultipleShooting:
+    """A minimum-time programme on a mesh; boundary values, bounds and wind stay parameters.
+
+    The variables are states at the nodes, controls and the duration, each over its scale, in the
+    order [states by node, controls by node, duration]. The constraints are the gaps between the
+    state flown through an interval and the next node's, over the scales too.
+    """
+
+    def __init__(self, stage: Stage, mesh: Mesh) -> None:
+        self.stage, self.mesh = stage, mesh
+        self.nx, self.nu = len(stage.states), len(stage.controls)
+        n, m = mesh.intervals, mesh.control_nodes
+        self.size = self.nx * (n + 1) + self.nu * m + 1
+        w = cas.MX.sym('w', self.size)
+        wind = cas.MX.sym('wind', 3)
+        scale = cas.MX.sym('scale', self.nx + self.nu + 1)
+        x_scale, u_scale = scale[: self.nx], scale[self.nx : self.nx + self.nu]
+        x_scaled = cas.reshape(w[: self.nx * (n + 1)], self.nx, n + 1)
+        x = x_scaled * cas.repmat(x_scale, 1, n + 1)
+        u = cas.reshape(w[self.nx * (n + 1) : -1], self.nu, m) * cas.repmat(u_scale, 1, m)
+        duration = w[-1] * scale[-1]
+        u_end = u[:, 1:] if mesh.control_interpolation == 'linear' else u
+        flown = rk4_step(stage, mesh.substeps).map(n)(
+            x[:, :-1], u[:, :n], u_end[:, :n], cas.repmat(wind, 1, n), duration / n
+        )
+        gaps = flown / cas.repmat(x_scale, 1, n) - x_scaled[:, 1:]
+        self.programme = {
+            'x': w,
+            'p': cas.vertcat(wind, scale),
+            'f': w[-1],
+            'g': cas.vec(gaps),
+        }
+
+    def scale(self, problem: Problem) -> Array:
+        """Return the scale of each state, control and the duration: their expected magnitude."""
+        fractions = np.linspace(0, 1, 11)
+        sizes = []
+        for name in (*self.stage.states, *self.stage.controls):
+            known = [
+                *np.ravel(problem.initial.get(name, ())),
+                *np.ravel(problem.final.get(name, ())),
+                *problem.limits(name),
+                *guess_columns(problem, (name,), fractions).ravel(),
+            ]
+            size = max((abs(v) for v in known if np.isfinite(v)), default=0.0)
+            sizes.append(size if size > 0 else 1.0)
+        return np.array([*sizes, guess_duration(problem)])
+
+    def parameters(self, problem: Problem) -> Array:
+        """Return the programme's parameters: wind and scales."""
+        return np.concatenate([np.asarray(problem.wind_ned, float), self.scale(problem)])
+
+    def bounds(self, problem: Problem) -> tuple[Array, Array]:
+        """Return lower and upper bounds of the scaled variables."""
+        limits = np.array([problem.limits(name) for name in self.stage.states])
+        states = np.repeat(limits[:, :, None], self.mesh.intervals + 1, axis=2)
+        for node, ends in ((0, problem.initial), (-1, problem.final)):
+            for name, (lower, upper) in ends.items():
+                row = states[self.stage.states.index(name), :, node]
+                row[0], row[1] = max(row[0], lower), min(row[1], upper)
+        limits = np.array([problem.limits(name) for name in self.stage.controls])
+        controls = np.repeat(limits[:, :, None], self.mesh.control_nodes, axis=2)
+        scale = self.scale(problem)
+        lower, upper = (
+            self.pack(Point(states[:, i], controls[:, i], problem.duration[i]), scale)
+            for i in range(2)
+        )
+        return lower, upper
+
+    def guess(self, problem: Problem) -> Point:
+        """Return the problem's guess on this mesh."""
+        nodes = np.linspace(0, 1, self.mesh.intervals + 1)
+        return Point(
+            guess_columns(problem, self.stage.states, nodes),
+            guess_columns(problem, self.stage.controls, nodes[: self.mesh.control_nodes]),
+            guess_duration(problem),
+        )
+
+    def pack(self, point: Point, scale: Array) -> Array:
+        """Return the scaled variables of a point."""
+        x_scale = scale[: self.nx, None]
+        u_scale = scale[self.nx : self.nx + self.nu, None]
+        return np.concatenate(
+            [
+                (point.states / x_scale).ravel(order='F'),
+                (point.controls / u_scale).ravel(order='F'),
+                [point.duration / scale[-1]],
+            ]
+        )
+
+    def unpack(self, w: Array, scale: Array) -> Point:
+        """Return the point of scaled variables."""
+        cut = self.nx * (self.mesh.intervals + 1)
+        states = w[:cut].reshape(self.nx, -1, order='F') * scale[: self.nx, None]
+        controls = w[cut:-1].reshape(self.nu, -1, order='F') * scale[self.nx : -1, None]
+        return Point(states, controls, float(w[-1] * scale[-1]))
+
+    def describe_gap(self, index: int, scale: Array, value: float) -> str:
+        """Return words for a violated constraint."""
+        interval, row = divmod(index, self.nx)
+        return (
+            f'{self.stage.states[row]} does not follow the dynamics in interval {interval} '
+            f'(off by {abs(value) * scale[row]:.3g})'
+        )

@@ -1,0 +1,83 @@
+"""Scenarios: what to simulate when there is no plan to follow."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..config import check_keys, load_yaml, number, text
+from ..errors import InputError
+from ..resources import find_config
+from ..trajectory import Trajectory
+from ..vehicles.vehicle import Vehicle, load_vehicle
+from .simulator import Simulator
+
+KEYS = ('description', 'vehicle', 'duration', 'initial', 'controls', 'wind_ned')
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenario:
+    """A vehicle, its initial state, and controls that are held; `simulator()` flies it."""
+
+    name: str
+    description: str
+    vehicle: Vehicle
+    duration: float
+    initial: dict[str, float]
+    controls: dict[str, float]
+    wind_ned: tuple[float, ...]
+
+    def simulator(self) -> Simulator:
+        """Return a simulator at the scenario's start."""
+        held = Trajectory(
+            time=np.zeros(1),
+            states={},
+            controls={name: np.full(1, value) for name, value in self.controls.items()},
+            control_interpolation='previous',
+        )
+        return Simulator(self.vehicle.model(), self.initial, held, wind=self.wind_ned)
+
+
+def load_scenario(name: str, config_dir: str | Path | None = None) -> Scenario:
+    """Return a scenario by the path of its YAML file or its name in config/scenarios.
+
+    Raises
+    ------
+    InputError
+        If it is not there, or has an unknown key or a value out of range.
+    """
+    path = Path(name) if name.endswith(('.yaml', '.yml')) else None
+    path = path or find_config('scenarios', name, config_dir)
+    document = check_keys(load_yaml(path), KEYS, str(path))
+    for key in ('vehicle', 'duration', 'controls'):
+        if key not in document:
+            raise InputError(f"{path}: '{key}' is missing")
+    vehicle = load_vehicle(text(document['vehicle'], f'{path}: vehicle'), config_dir)
+    model = vehicle.model()
+    wind = document.get('wind_ned', [0, 0, 0])
+    if not isinstance(wind, list) or len(wind) != 3:
+        raise InputError(f'{path}: wind_ned: expected [north, east, down], got {wind!r}')
+    duration = number(document['duration'], f'{path}: duration')
+    if duration <= 0:
+        raise InputError(f'{path}: duration: must be positive, got {duration:g}')
+    controls = check_keys(document['controls'], tuple(model.controls), f'{path}: controls')
+    for control in model.controls:
+        if control not in controls:
+            raise InputError(f'{path}: controls: {control!r} is missing')
+    held = {k: number(v, f'{path}: controls.{k}') for k, v in controls.items()}
+    for control, value in held.items():
+        lower, upper = model.controls[control]
+        if not lower <= value <= upper:
+            raise InputError(
+                f'{path}: controls.{control}: {value:g} is outside [{lower:g}, {upper:g}]'
+            )
+    initial = check_keys(document.get('initial', {}), model.dynamics.states, f'{path}: initial')
+    return Scenario(
+        name=path.stem,
+        description=text(document.get('description', ''), f'{path}: description'),
+        vehicle=vehicle,
+        duration=duration,
+        initial={k: number(v, f'{path}: initial.{k}') for k, v in initial.items()},
+        controls=held,
+        wind_ned=tuple(number(w, f'{path}: wind_ned') for w in wind),
+    )
