@@ -29,7 +29,7 @@ EXIT_CODES = {
 
 
 class FlightdynError(Exception):
-    """Base of every error raised on purpose; the message says what, where and what would be right."""
+    """Base of every error raised on purpose; the message says what, where and what is right."""
 
     result_code = ResultCode.INTERNAL
 

@@ -27,10 +27,8 @@ R_BODY_GEOMETRY: Rotation = ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0)
 
 def matmul(a: Rotation, b: Rotation) -> Rotation:
     """Return the product a b of two rotations."""
-    rows = tuple(
-        tuple(sum(a[i][k] * b[k][j] for k in range(3)) for j in range(3)) for i in range(3)
-    )
-    return rows  # type: ignore[return-value]
+    columns = tuple(rotate(a, column) for column in transpose(b))
+    return transpose(columns)  # type: ignore[arg-type]
 
 
 def transpose(a: Rotation) -> Rotation:
@@ -61,7 +59,7 @@ def rotation_from_euler(phi: Vectorizable, theta: Vectorizable, psi: Vectorizabl
 
 
 def rotation_body_stability(alpha: Vectorizable) -> Rotation:
-    """Return `R_bs` for the angle of attack [rad]: stability axes are body axes pitched by -alpha."""
+    """Return `R_bs` for the angle of attack [rad]; stability axes are the body's pitched down."""
     s, c = np.sin(alpha), np.cos(alpha)
     return ((c, 0.0, -s), (0.0, 1.0, 0.0), (s, 0.0, c))
 
@@ -96,7 +94,7 @@ def quaternion_from_euler(phi: Vectorizable, theta: Vectorizable, psi: Vectoriza
 
 
 def euler_from_rotation(r_eb: Rotation) -> Vector:
-    """Return roll, pitch, yaw [rad] of `R_eb`; at theta = +-pi/2 roll takes what yaw leaves open."""
+    """Return roll, pitch, yaw [rad] of `R_eb`; at |theta| = pi/2 only phi -+ psi has meaning."""
     phi = np.arctan2(r_eb[2][1], r_eb[2][2])
     theta = np.arctan2(-r_eb[2][0], np.hypot(r_eb[2][1], r_eb[2][2]))
     psi = np.arctan2(r_eb[1][0], r_eb[0][0])
@@ -143,7 +141,8 @@ def ros_attitude_from_ned(q_eb: Quaternion) -> Quaternion:
 
 def ned_attitude_from_ros(q: Quaternion) -> Quaternion:
     """Return the attitude FRD to NED (w, x, y, z) of an attitude FLU to ENU."""
-    return ros_attitude_from_ned(q)  # both outer turns are half turns: their own inverses up to sign
+    # both outer turns are half turns, their own inverses up to sign
+    return ros_attitude_from_ned(q)
 
 
 def stack(v: Vector) -> Any:

@@ -65,7 +65,9 @@ def hypot(*components: Vectorizable) -> Vectorizable:
     return sqrt(sum(c * c for c in components))
 
 
-def if_else(condition: Vectorizable, if_true: Vectorizable, if_false: Vectorizable) -> Vectorizable:
+def if_else(
+    condition: Vectorizable, if_true: Vectorizable, if_false: Vectorizable
+) -> Vectorizable:
     """Return `if_true` where the condition holds, else `if_false`, element by element."""
     if is_symbolic(condition, if_true, if_false):
         return cas.if_else(condition, if_true, if_false)

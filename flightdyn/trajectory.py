@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -70,7 +71,9 @@ class Trajectory:
             }
             object.__setattr__(self, group, columns)
         segment = self.segment
-        segment = np.zeros(time.size, np.int64) if segment is None else np.asarray(segment, np.int64)
+        segment = (
+            np.zeros(time.size, np.int64) if segment is None else np.asarray(segment, np.int64)
+        )
         if segment.shape != time.shape:
             raise InputError(f'segment has shape {segment.shape}, time {time.shape}')
         object.__setattr__(self, 'segment', segment)
@@ -117,7 +120,7 @@ class Trajectory:
         assert self.segment is not None
         cuts = np.flatnonzero(np.diff(self.segment)) + 1
         bounds = [0, *cuts.tolist(), len(self)]
-        for start, stop in zip(bounds[:-1], bounds[1:], strict=True):
+        for start, stop in pairwise(bounds):
             yield slice(start, stop)
 
     def between(self, start: float, end: float) -> 'Trajectory':
@@ -172,7 +175,8 @@ class Trajectory:
         """Return a column at times [s], linear between samples (controls as they run)."""
         if name in self.controls:
             return self.control_at(t)[name]
-        return np.interp(np.asarray(t, dtype=float), self.time, self[name])
+        values: Array = np.interp(np.asarray(t, dtype=float), self.time, self[name])
+        return values
 
 
 def _column(what: str, values: ArrayLike, size: int) -> Array:

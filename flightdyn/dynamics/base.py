@@ -35,12 +35,15 @@ class Dynamics(ABC):
 
     states: ClassVar[tuple[str, ...]]
     indirect_controls: ClassVar[tuple[str, ...]] = ()
+    loads: ClassVar[tuple[str, ...]]
     force_axes: ClassVar[str]
     """Axes that forces are kept in, and the default of `add_force`."""
 
     mass_props: MassProperties
 
-    def __init__(self, mass_props: MassProperties | None, values: Mapping[str, Vectorizable]) -> None:
+    def __init__(
+        self, mass_props: MassProperties | None, values: Mapping[str, Vectorizable]
+    ) -> None:
         self.mass_props = MassProperties(mass=1.0) if mass_props is None else mass_props
         for name, value in values.items():
             setattr(self, name, value)
@@ -55,11 +58,14 @@ class Dynamics(ABC):
     @property
     def control(self) -> dict[str, Vectorizable]:
         """Indirect controls and the accumulated loads in the axes they are kept in."""
-        suffix = self.force_axes[0]
-        loads = {f'F{axis}_{suffix}': f for axis, f in zip('xyz', self._force, strict=True)}
-        return {**{name: getattr(self, name) for name in self.indirect_controls}, **loads}
+        return {name: getattr(self, name) for name in self.indirect_controls} | {
+            name: self._load(name[0])['xyz'.index(name[1])] for name in self.loads
+        }
 
-    # What point masses and rigid bodies each know in their own way. -----------------------------
+    def _load(self, kind: str) -> Vector:
+        """Return the accumulated force ('F'), or moment ('M') where the class has one."""
+        return self._force
+
     alpha: Vectorizable
     """Angle of attack [deg]."""
     beta: Vectorizable
@@ -78,7 +84,6 @@ class Dynamics(ABC):
     def _rotation_to_pivot(self, axes: str) -> Rotation:
         """Return the rotation from `axes` to the axes that all conversions of the class pass."""
 
-    # Loads. ---------------------------------------------------------------------------------------
     def add_force(
         self,
         Fx: Vectorizable = 0.0,
@@ -120,7 +125,6 @@ class Dynamics(ABC):
         v = rotate(self._rotation_to_pivot(from_axes), v)
         return rotate(transpose(self._rotation_to_pivot(to_axes)), v)
 
-    # Derived quantities. --------------------------------------------------------------------------
     @property
     def altitude(self) -> Vectorizable:
         """Height above the origin [m]; 0 where the class has no vertical state."""
@@ -134,7 +138,6 @@ class Dynamics(ABC):
         )
         return -(self._force[2] - weight[2]) / (self.mass_props.mass * G)
 
-    # Packing. -------------------------------------------------------------------------------------
     @classmethod
     def pack_state(cls, y: Any) -> dict[str, Vectorizable]:
         """Return rows of a flat state (n_states, ...) by name."""
@@ -150,7 +153,7 @@ class Dynamics(ABC):
     def get_new_instance_with_state(self, state: Mapping[str, Vectorizable]) -> Self:
         """Return a vehicle alike in another state, without loads."""
         controls = {name: getattr(self, name) for name in self.indirect_controls}
-        return type(self)(mass_props=self.mass_props, **{**controls, **state})  # type: ignore[call-arg]
+        return type(self)(mass_props=self.mass_props, **{**controls, **state})
 
     def __repr__(self) -> str:
         values = ', '.join(f'{name}={value!r}' for name, value in self.state.items())

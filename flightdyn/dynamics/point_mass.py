@@ -24,6 +24,7 @@ class DynamicsPointMass3DSpeedGammaTrack(Dynamics):
 
     states = ('x_e', 'y_e', 'z_e', 'speed', 'gamma', 'track')
     indirect_controls = ('alpha', 'beta', 'bank')
+    loads = ('Fx_w', 'Fy_w', 'Fz_w')
     force_axes = 'wind'
 
     speed: Vectorizable

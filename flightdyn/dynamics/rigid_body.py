@@ -1,7 +1,5 @@
 """Rigid bodies: attitude and rates are states, driven by moments."""
 
-from typing import ClassVar
-
 from .. import numpy as np
 from ..frames import IDENTITY, Rotation, Vector, rotation_from_euler, transpose
 from ..numpy import Vectorizable
@@ -19,19 +17,21 @@ class RigidBody(Dynamics):
     phi: Vectorizable = 0.0
     theta: Vectorizable = 0.0
     psi: Vectorizable = 0.0
-    moment_axes: ClassVar[str] = 'body'
 
     def __init__(self, mass_props: MassProperties | None, values: dict[str, Vectorizable]) -> None:
         super().__init__(mass_props, values)
         self._moment: Vector = ZERO
 
+    def _load(self, kind: str) -> Vector:
+        return self._moment if kind == 'M' else self._force
+
     @property
-    def alpha(self) -> Vectorizable:  # type: ignore[override]
+    def alpha(self) -> Vectorizable:
         """Angle of attack [deg], of the inertial velocity."""
         return np.degrees(np.arctan2(self.w_b, self.u_b))
 
     @property
-    def beta(self) -> Vectorizable:  # type: ignore[override]
+    def beta(self) -> Vectorizable:
         """Sideslip angle [deg], of the inertial velocity."""
         return np.degrees(np.arctan2(self.v_b, np.hypot(self.u_b, self.w_b)))
 
@@ -79,6 +79,7 @@ class DynamicsRigidBody2DBody(RigidBody):
     """
 
     states = ('x_e', 'z_e', 'u_b', 'w_b', 'theta', 'q')
+    loads = ('Fx_b', 'Fz_b', 'My_b')
 
     q: Vectorizable
 

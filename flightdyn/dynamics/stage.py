@@ -117,5 +117,3 @@ def _bank(dyn: Dynamics) -> Vectorizable:
         return dyn.bank  # type: ignore[attr-defined]
     columns = [dyn.convert_axes(*axis, 'wind', 'earth') for axis in _UNIT_VECTORS]
     return euler_from_rotation(tuple(zip(*columns, strict=True)))[0]  # type: ignore[arg-type]
-
-

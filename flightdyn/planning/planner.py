@@ -1,6 +1,6 @@
 """From a problem to a verified plan."""
 
-import math
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ from .solver import OnIteration, Solution, Solver
 from .transcription import Mesh, MultipleShooting, Point
 from .verify import Verification, verify
 
-FIRST_SUBSTEPS = 2
+FIRST_SUBSTEPS = 1
 MAX_SUBSTEPS = 16
 MAX_CACHED = 16
 
@@ -51,9 +51,10 @@ class Plan:
 
 
 class Planner:
-    """Plans problems; programmes are built once for each structure and kept."""
+    """Plans problems, from any thread; programmes are built once for each structure and kept."""
 
     def __init__(self) -> None:
+        self._lock = threading.Lock()
         self._built: dict[str, tuple[MultipleShooting, Solver]] = {}
 
     def plan(
@@ -87,9 +88,7 @@ class Planner:
             scale = shooting.scale(problem)
             lower, upper = shooting.bounds(problem)
             solution = solver.solve(
-                np.clip(
-                    shooting.pack(guess or shooting.guess(problem), scale), lower, upper
-                ),
+                np.clip(shooting.pack(guess or shooting.guess(problem), scale), lower, upper),
                 lower,
                 upper,
                 shooting.parameters(problem),
@@ -121,12 +120,13 @@ class Planner:
 
     def _build(self, problem: Problem, mesh: Mesh) -> tuple[MultipleShooting, Solver]:
         key = repr((problem.vehicle, problem.objective, mesh))
-        if key not in self._built:
-            shooting = MultipleShooting(problem.vehicle.model().stage(), mesh)
-            while len(self._built) >= MAX_CACHED:
-                self._built.pop(next(iter(self._built)))
-            self._built[key] = (shooting, Solver(shooting.programme))
-        return self._built[key]
+        with self._lock:
+            if key not in self._built:
+                shooting = MultipleShooting(problem.vehicle.model().stage(), mesh)
+                while len(self._built) >= MAX_CACHED:
+                    self._built.pop(next(iter(self._built)))
+                self._built[key] = (shooting, Solver(shooting.programme))
+            return self._built[key]
 
 
 def _report(
@@ -199,16 +199,15 @@ def _message(
 
 def _trajectory(problem: Problem, shooting: MultipleShooting, point: Point) -> Trajectory:
     stage, n = shooting.stage, shooting.mesh.intervals
-    controls = point.controls
+    # an unconverged iterate may hold anything, but what is handed out is numbers
+    states, controls = np.nan_to_num(point.states), np.nan_to_num(point.controls)
     if controls.shape[1] == n:
         controls = np.column_stack([controls, controls[:, -1]])
     wind = np.repeat(np.asarray(problem.wind_ned, float)[:, None], n + 1, axis=1)
-    outputs = stage.function.map(n + 1)(point.states, controls, wind)[1].full()
-    if not (np.isfinite(outputs).all() and math.isfinite(point.duration)):
-        outputs = np.nan_to_num(outputs)
+    outputs = np.nan_to_num(stage.function.map(n + 1)(states, controls, wind)[1].full())
     return Trajectory(
         time=np.linspace(0, point.duration, n + 1),
-        states=dict(zip(stage.states, point.states, strict=True)),
+        states=dict(zip(stage.states, states, strict=True)),
         controls=dict(zip(stage.controls, controls, strict=True)),
         outputs=dict(zip(stage.outputs, outputs, strict=True)),
         model=problem.vehicle.model_name,

@@ -1,4 +1,4 @@
-"""What is to be planned: vehicle, boundary and path conditions, objective, duration, wind, guess."""
+"""What is to be planned: vehicle, conditions, objective, duration, wind, guess."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -181,8 +181,10 @@ def load_problem(
         If it is not there, or has an unknown key or a value out of range; the message names file
         and key.
     """
-    path = Path(name) if name.endswith(('.yaml', '.yml')) else find_config(
-        'problems', name, config_dir
+    path = (
+        Path(name)
+        if name.endswith(('.yaml', '.yml'))
+        else find_config('problems', name, config_dir)
     )
     document = load_yaml(path)
     for setting in settings:
@@ -216,7 +218,7 @@ def _problem(path: Path, document: dict[str, Any], config_dir: str | Path | None
     def named(key: str) -> dict[str, Any]:
         value = document.get(key, {})
         if not isinstance(value, Mapping):
-            raise InputError(f'{path}: {key}: expected a mapping of names to values, got {value!r}')
+            raise InputError(f'{path}: {key}: expected names and values, got {value!r}')
         return {str(k): v for k, v in value.items()}
 
     duration_keys = ('lower', 'upper', 'guess')

@@ -15,7 +15,7 @@ from ..errors import ResultCode
 Array = NDArray[np.float64]
 
 MAX_ITERATIONS = 1000
-OPTIONS = {
+OPTIONS: dict[str, Any] = {
     'ipopt.print_level': 0,
     'ipopt.sb': 'yes',
     'ipopt.max_iter': MAX_ITERATIONS,
@@ -69,7 +69,7 @@ OnIteration = Callable[[Iteration], None]
 class Solver:
     """IPOPT on one programme; may be called from any thread, one solve at a time."""
 
-    def __init__(self, programme: dict[str, cas.MX]) -> None:
+    def __init__(self, programme: dict[str, Any]) -> None:
         self._lock = threading.Lock()
         self._callback = _Callback(programme)
         started = time.perf_counter()
@@ -152,9 +152,7 @@ class _Watch:
                     Iteration(
                         number=self.count,
                         objective=objective,
-                        primal_infeasibility=_violation(
-                            variables, gaps, self.lower, self.upper
-                        ),
+                        primal_infeasibility=_violation(variables, gaps, self.lower, self.upper),
                         dual_infeasibility=float(dual[-1]) if dual else float('nan'),
                         elapsed=elapsed,
                     )
@@ -167,10 +165,10 @@ class _Watch:
             return True
 
 
-class _Callback(cas.Callback):  # type: ignore[misc]
+class _Callback(cas.Callback):
     """CasADi's iteration callback, handed on to the watch of the solve under way."""
 
-    def __init__(self, programme: dict[str, cas.MX]) -> None:
+    def __init__(self, programme: dict[str, Any]) -> None:
         super().__init__()
         self._sizes = {key: programme[key].size1() for key in ('x', 'g', 'p')}
         self.watch: _Watch | None = None

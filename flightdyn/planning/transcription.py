@@ -100,18 +100,15 @@ class MultipleShooting:
         """Return lower and upper bounds of the scaled variables."""
         limits = np.array([problem.limits(name) for name in self.stage.states])
         states = np.repeat(limits[:, :, None], self.mesh.intervals + 1, axis=2)
-        for node, ends in ((0, problem.initial), (-1, problem.final)):
-            for name, (lower, upper) in ends.items():
+        for node, given in ((0, problem.initial), (-1, problem.final)):
+            for name, (lower, upper) in given.items():
                 row = states[self.stage.states.index(name), :, node]
                 row[0], row[1] = max(row[0], lower), min(row[1], upper)
         limits = np.array([problem.limits(name) for name in self.stage.controls])
         controls = np.repeat(limits[:, :, None], self.mesh.control_nodes, axis=2)
         scale = self.scale(problem)
-        lower, upper = (
-            self.pack(Point(states[:, i], controls[:, i], problem.duration[i]), scale)
-            for i in range(2)
-        )
-        return lower, upper
+        ends = [Point(states[:, i], controls[:, i], problem.duration[i]) for i in range(2)]
+        return self.pack(ends[0], scale), self.pack(ends[1], scale)
 
     def guess(self, problem: Problem) -> Point:
         """Return the problem's guess on this mesh."""

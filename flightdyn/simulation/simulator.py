@@ -97,9 +97,9 @@ class Simulator:
             steps = max(1, math.ceil(span / self._max_step - 1e-9))
             for i in range(steps):
                 a, b = i / steps, (i + 1) / steps
-                self._x = self._step(
-                    self._x, u0 + (u1 - u0) * a, u0 + (u1 - u0) * b, self.wind, span / steps
-                ).full().ravel()
+                u_begin, u_end = u0 + (u1 - u0) * a, u0 + (u1 - u0) * b
+                x = self._step(self._x, u_begin, u_end, self.wind, span / steps)
+                self._x = x.full().ravel()
             self.time = end
         if not np.isfinite(self._x).all():
             raise InputError(f'the state of {self.model.vehicle} diverged before {time:g} s')
@@ -125,10 +125,13 @@ class Simulator:
         )
 
 
-def fly(simulator: Simulator, duration: float, rate: float) -> Trajectory:
+def fly(
+    simulator: Simulator, duration: float, rate: float, also_at: Array | None = None
+) -> Trajectory:
     """Return what the simulator flies from now on for `duration` [s], sampled at `rate` [Hz].
 
-    The last sample is at the very end, whatever the rate.
+    The last sample is at the very end, whatever the rate; `also_at` gives more times [s], such
+    as a plan's nodes, so that both can be compared without interpolating.
 
     Raises
     ------
@@ -140,8 +143,9 @@ def fly(simulator: Simulator, duration: float, rate: float) -> Trajectory:
     if duration * rate > MAX_SAMPLES:
         raise InputError(f'{duration:g} s at {rate:g} Hz are over {MAX_SAMPLES} samples')
     times = np.arange(0, duration, 1 / rate)
-    if duration - times[-1] > 1e-9:
-        times = np.append(times, duration)
+    times = np.union1d(times, [duration] if also_at is None else [*also_at, duration])
+    # two that differ by rounding alone are one; the later stays, so that the end does
+    times = times[np.append(np.diff(times) > 1e-9, True) & (times <= duration)]
     start = simulator.time
     rows = []
     for t in times:

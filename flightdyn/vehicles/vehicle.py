@@ -69,10 +69,10 @@ class Vehicle:
     def _attach(self, dyn: Dynamics, controls: Mapping[str, Vectorizable]) -> None:
         dyn.add_gravity_force(self.gravity)
         for name, rotor in self.rotors.items():
-            force = tuple(controls[name] * axis for axis in rotor.direction)
-            dyn.add_force(*force, axes='body')
+            fx, fy, fz = (controls[name] * axis for axis in rotor.direction)
+            dyn.add_force(fx, fy, fz, axes='body')
             if hasattr(dyn, 'add_moment'):
-                dyn.add_moment(*_cross(rotor.position, force), axes='body')
+                dyn.add_moment(*_cross(rotor.position, (fx, fy, fz)), axes='body')
 
 
 def _cross(a: tuple[Any, ...], b: tuple[Any, ...]) -> tuple[Any, Any, Any]:

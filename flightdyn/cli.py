@@ -1,0 +1,345 @@
+"""The `flightdyn` command: plan, sim, replay, info, models, vehicles.
+
+Only results go to stdout; progress and errors go to stderr.
+"""
+
+import argparse
+import json
+import signal
+import sys
+from collections.abc import Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from . import export
+from .errors import EXIT_CODES, FlightdynError, InputError, ResultCode
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from .planning.solver import Iteration
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit code."""
+    arguments = _parser().parse_args(argv)
+    try:
+        code: int = arguments.run(arguments)
+        sys.stdout.flush()
+        return code
+    except FlightdynError as error:
+        print(f'flightdyn: {error}', file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        print('flightdyn: interrupted', file=sys.stderr)
+        return EXIT_CODES[ResultCode.CANCELLED]
+    except BrokenPipeError:
+        # whoever read stdout has seen enough; keep the interpreter from flushing into the pipe
+        sys.stdout = open('/dev/null', 'w')  # noqa: SIM115
+        return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='flightdyn', description='Plan, simulate, replay and view flights.'
+    )
+    commands = parser.add_subparsers(required=True, metavar='COMMAND')
+
+    def command(
+        name: str, run: 'Callable[[argparse.Namespace], int]', text: str, *, config: bool = True
+    ) -> argparse.ArgumentParser:
+        sub = commands.add_parser(name, help=text, description=text)
+        sub.set_defaults(run=run)
+        sub.add_argument('--json', action='store_true', help='print the result as JSON')
+        if config:
+            sub.add_argument(
+                '--config-dir', metavar='DIR', help='folder searched before the shipped config'
+            )
+        return sub
+
+    plan = command('plan', _plan, 'Plan a trajectory and verify it.')
+    plan.add_argument('problem', help='name in config/problems, or path of a .yaml file')
+    plan.add_argument(
+        '--set',
+        action='append',
+        default=[],
+        metavar='KEY=VALUE',
+        help='override an entry of the problem, such as final.x_e=2 or nodes=160',
+    )
+    _add_output(plan, export.FLIGHT_FORMATS)
+
+    sim = command('sim', _sim, 'Simulate a scenario, or fly a plan open-loop.')
+    sim.add_argument('scenario', help='name in config/scenarios, .yaml file, or plan .json file')
+    sim.add_argument('--rate', type=float, default=200.0, help='samples a second (200)')
+    _add_output(sim, export.FLIGHT_FORMATS)
+
+    replay = command('replay', _replay, 'Turn flight logs into flight states.', config=False)
+    replay.add_argument('log', nargs='+', help='MCAP file')
+    replay.add_argument('--source', metavar='TOPIC', help='use this topic, not the best one')
+    replay.add_argument('--start', type=float, metavar='S', help='seconds from the log start')
+    replay.add_argument('--end', type=float, metavar='S', help='seconds from the log start')
+    _add_output(replay, export.REPLAY_FORMATS, "; with several logs '{log}' stands for their name")
+
+    info = command('info', _info, 'Show what is in a log and what can be replayed.', config=False)
+    info.add_argument('log', help='MCAP file')
+
+    command('models', _models, 'List the Dynamics family.', config=False)
+    command('vehicles', _vehicles, 'List the configured vehicles.')
+    return parser
+
+
+def _add_output(sub: argparse.ArgumentParser, formats: tuple[str, ...], more: str = '') -> None:
+    sub.add_argument(
+        '-o',
+        '--output',
+        action='extend',
+        nargs='+',
+        default=[],
+        metavar='FILE',
+        help=f'write the result, format by suffix: {" ".join(formats)}{more}',
+    )
+
+
+def _plan(arguments: argparse.Namespace) -> int:
+    from .planning.plan_file import plan_document
+    from .planning.planner import Planner
+    from .planning.problem import load_problem
+
+    outputs = export.check_outputs(arguments.output, export.FLIGHT_FORMATS)
+    problem = load_problem(arguments.problem, arguments.set, arguments.config_dir)
+    with _interruptible() as interrupted, _iterations() as on_iteration:
+        plan = Planner().plan(problem, on_iteration=on_iteration, should_stop=interrupted)
+    document = plan_document(plan)
+    for path in outputs:
+        export.write_flight(path, plan.trajectory, document)
+    report = plan.report
+    if arguments.json:
+        print(json.dumps(document))
+    else:
+        _print_table(
+            [
+                ('problem', f'{problem.name} ({problem.vehicle.name})'),
+                ('final time', f'{report.final_time:.6g} s'),
+                ('iterations', str(report.iterations)),
+                ('solved in', f'{report.wall_s:.3g} s, {report.build_s:.3g} s of it building'),
+                ('method', report.transcription),
+                ('verified', 'yes' if report.verified else 'NO'),
+                *((f'  error {k}', f'{v:.2g}') for k, v in report.verification.items()),
+                *(('written', str(path)) for path in outputs),
+            ]
+        )
+    for warning in report.warnings:
+        print(f'flightdyn: warning: {warning}', file=sys.stderr)
+    if report.code != ResultCode.SUCCESS:
+        print(f'flightdyn: {report.message}', file=sys.stderr)
+    return EXIT_CODES[report.code]
+
+
+@contextmanager
+def _interruptible() -> 'Iterator[Callable[[], bool]]':
+    """Give a function that tells whether Ctrl-C was pressed.
+
+    IPOPT swallows KeyboardInterrupt, so that the signal sets a flag which is asked for at each
+    iteration; a second one ends at once.
+    """
+    pressed: list[int] = []
+
+    def handle(signum: int, frame: Any) -> None:
+        if pressed:
+            raise KeyboardInterrupt
+        pressed.append(signum)
+
+    previous = signal.signal(signal.SIGINT, handle)
+    try:
+        yield lambda: bool(pressed)
+    finally:
+        signal.signal(signal.SIGINT, previous)
+
+
+@contextmanager
+def _iterations() -> "Iterator[Callable[['Iteration'], None] | None]":
+    """Give a function that shows the solver's iterations on a terminal, None if there is none."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status('building') as status:
+
+        def show(iteration: 'Iteration') -> None:
+            status.update(
+                f'iteration {iteration.number}: objective {iteration.objective:.6g}, '
+                f'infeasibility {iteration.primal_infeasibility:.1e}'
+            )
+
+        yield show
+
+
+def _sim(arguments: argparse.Namespace) -> int:
+    from .planning.plan_file import read_plan
+    from .simulation.scenario import load_scenario
+    from .simulation.simulator import Simulator, fly
+    from .vehicles.vehicle import load_vehicle
+
+    outputs = export.check_outputs(arguments.output, export.FLIGHT_FORMATS)
+    planned = None
+    if arguments.scenario.endswith('.json'):
+        planned, document = read_plan(arguments.scenario)
+        model = load_vehicle(planned.vehicle, arguments.config_dir).model()
+        initial = {name: float(values[0]) for name, values in planned.states.items()}
+        simulator = Simulator(model, initial, planned, wind=document['wind_ned'])
+        duration = planned.duration
+    else:
+        scenario = load_scenario(arguments.scenario, arguments.config_dir)
+        simulator, duration = scenario.simulator(), scenario.duration
+    also_at = None if planned is None else planned.time
+    flown = fly(simulator, duration, arguments.rate, also_at)
+    errors = {} if planned is None else export.deviation(flown, planned)
+    summary = {
+        'scenario': arguments.scenario,
+        'duration_s': duration,
+        'samples': len(flown),
+        'final': {name: float(values[-1]) for name, values in flown.states.items()},
+        'deviation_from_plan': errors,
+    }
+    document = export.flight_document(flown, **summary)
+    for path in outputs:
+        export.write_flight(path, flown, document, planned=planned)
+    if arguments.json:
+        print(json.dumps(document))
+    else:
+        _print_table(
+            [
+                ('flown', f'{duration:.6g} s, {len(flown)} samples'),
+                *((f'  final {k}', f'{v[-1]:.6g}') for k, v in flown.states.items()),
+                *((f'  {k} off the plan', f'{v:.2g}') for k, v in errors.items()),
+                *(('written', str(path)) for path in outputs),
+            ]
+        )
+    return 0
+
+
+def _replay(arguments: argparse.Namespace) -> int:
+    from .replay import replay_log
+
+    if len(arguments.log) > 1 and any('{log}' not in name for name in arguments.output):
+        raise InputError("several logs need '{log}' in each output name, such as -o '{log}.rrd'")
+    summaries = []
+    for log in arguments.log:
+        names = [name.replace('{log}', Path(log).stem) for name in arguments.output]
+        outputs = export.check_outputs(names, export.REPLAY_FORMATS)
+        replay = replay_log(log, source=arguments.source, start=arguments.start, end=arguments.end)
+        summary = replay.summary()
+        for path in outputs:
+            export.write_replay(path, replay.trajectory, summary)
+        summaries.append(summary)
+        for warning in summary['warnings']:
+            print(f'flightdyn: {log}: warning: {warning}', file=sys.stderr)
+        if not arguments.json:
+            _print_table(
+                [
+                    ('log', log),
+                    ('source', f'{summary["source"]} ({summary["schema"]})'),
+                    ('used', f'{summary["used"]} of {summary["messages"]} messages'),
+                    *((f'  {reason}', str(n)) for reason, n in summary['dropped'].items()),
+                    ('segments', str(len(summary['segments']))),
+                    ('duration', f'{summary["duration_s"]:.6g} s'),
+                    ('distance', f'{summary["distance_m"] / 1e3:.6g} km'),
+                    ('max speed', f'{summary["max_speed"]:.4g} m/s'),
+                    ('max altitude', _altitude(summary)),
+                    *(('written', str(path)) for path in outputs),
+                ]
+            )
+    if arguments.json:
+        print(json.dumps(summaries[0] if len(summaries) == 1 else summaries))
+    return 0
+
+
+def _altitude(summary: dict[str, Any]) -> str:
+    return f'{summary["max_altitude"]:.6g} m ({summary["altitude_datum"]})'
+
+
+def _info(arguments: argparse.Namespace) -> int:
+    from .logs.info import log_info
+
+    info = log_info(arguments.log).to_dict()
+    if arguments.json:
+        print(json.dumps(info))
+        return 0
+    _print_columns(
+        ('topic', 'schema', 'messages', 'replay as'),
+        [
+            (t['topic'], t['schema'], str(t['messages']), t['usable_as'] or '-')
+            for t in info['topics']
+        ],
+    )
+    for warning in info['warnings']:
+        print(f'flightdyn: {arguments.log}: warning: {warning}', file=sys.stderr)
+    return 0
+
+
+def _models(arguments: argparse.Namespace) -> int:
+    from .dynamics import FAMILY
+
+    rows: list[dict[str, Any]] = [
+        {
+            'class': name,
+            'kind': 'rigid body' if hasattr(cls, 'add_moment') else 'point mass',
+            'states': list(cls.states),
+            'controls': [*cls.indirect_controls, *cls.loads],
+        }
+        for name, cls in FAMILY.items()
+    ]
+    if arguments.json:
+        print(json.dumps(rows))
+    else:
+        _print_columns(
+            ('class', 'kind', 'states', 'controls'),
+            [
+                (r['class'], r['kind'], ' '.join(r['states']), ' '.join(r['controls']))
+                for r in rows
+            ],
+        )
+    return 0
+
+
+def _vehicles(arguments: argparse.Namespace) -> int:
+    from .vehicles.vehicle import list_vehicles
+
+    vehicles = list_vehicles(arguments.config_dir)
+    if arguments.json:
+        rows = [
+            {
+                'vehicle': v.name,
+                'model': v.model_name,
+                'mass': v.mass_props.mass,
+                'controls': list(v.model().controls),
+                'description': v.description,
+            }
+            for v in vehicles
+        ]
+        print(json.dumps(rows))
+    else:
+        _print_columns(
+            ('vehicle', 'model', 'description'),
+            [(v.name, v.model_name, v.description) for v in vehicles],
+        )
+    return 0
+
+
+def _print_table(rows: Sequence[tuple[str, str]]) -> None:
+    width = max(len(label) for label, _ in rows)
+    for label, value in rows:
+        print(f'{label:<{width}}  {value}')
+
+
+def _print_columns(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    table = [header, *rows]
+    widths = [max(len(row[i]) for row in table) for i in range(len(header))]
+    for row in table:
+        print('  '.join(f'{cell:<{w}}' for cell, w in zip(row, widths, strict=True)).rstrip())
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,109 @@
+"""Writing plans, flights and replays to files, the format by suffix."""
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import InputError
+from .files import check_writable, written_whole
+from .trajectory import Trajectory
+
+FIGURES = ('.png', '.svg', '.pdf')
+TABLES = ('.csv', '.parquet')
+FLIGHT_FORMATS = ('.json', *TABLES, '.mcap', '.rrd', *FIGURES)
+REPLAY_FORMATS = ('.json', *TABLES, '.rrd', *FIGURES)
+
+
+def check_outputs(paths: Iterable[str | Path], formats: tuple[str, ...]) -> list[Path]:
+    """Return the paths if each can be written in one of the formats.
+
+    Raises
+    ------
+    InputError
+        If a suffix is unknown or a folder is missing: said before any work is done.
+    """
+    checked = [Path(path) for path in paths]
+    for path in checked:
+        if path.suffix not in formats:
+            known = ' '.join(formats)
+            raise InputError(f"cannot write {path}: suffix '{path.suffix}', not {known}")
+        check_writable(path)
+    return checked
+
+
+def write_flight(
+    path: Path,
+    flight: Trajectory,
+    document: dict[str, Any],
+    *,
+    planned: Trajectory | None = None,
+) -> None:
+    """Write a plan or a simulated flight; `document` is what a .json file holds."""
+    if path.suffix == '.mcap':
+        from .logs.messages import write_flight_mcap
+
+        write_flight_mcap(flight, path)
+    elif path.suffix in TABLES:
+        columns: dict[str, NDArray[Any]] = {'time': flight.time, **flight.columns}
+        _write_table(path, columns, flight)
+    else:
+        _write_view(path, flight, document, planned)
+
+
+def write_replay(path: Path, flight: Trajectory, document: dict[str, Any]) -> None:
+    """Write a replayed flight; `document` is what a .json file holds."""
+    if path.suffix in TABLES:
+        from .replay.table import replay_columns
+
+        _write_table(path, replay_columns(flight), flight)
+    else:
+        _write_view(path, flight, document, None)
+
+
+def _write_table(path: Path, columns: dict[str, NDArray[Any]], flight: Trajectory) -> None:
+    from .tables import write_table
+
+    write_table(columns, path, {'vehicle': flight.vehicle, 'model': flight.model})
+
+
+def _write_view(
+    path: Path, flight: Trajectory, document: dict[str, Any], planned: Trajectory | None
+) -> None:
+    if path.suffix == '.json':
+        with written_whole(path) as temporary:
+            temporary.write_text(json.dumps(document, indent=1) + '\n', encoding='utf-8')
+    elif path.suffix == '.rrd':
+        from .viewing.rerun_view import save_rrd
+
+        save_rrd(path, flight, planned=planned, name=path.stem)
+    else:
+        from .viewing.figures import figure_for, save_figure
+
+        save_figure(figure_for(flight), path)
+
+
+def flight_document(flight: Trajectory, **more: Any) -> dict[str, Any]:
+    """Return a simulated flight as what JSON can hold."""
+    groups = {
+        group: {name: v.tolist() for name, v in getattr(flight, group).items()}
+        for group in ('states', 'controls', 'outputs')
+    }
+    return {
+        'vehicle': flight.vehicle,
+        'model': flight.model,
+        **more,
+        'time': flight.time.tolist(),
+        **groups,
+    }
+
+
+def deviation(flown: Trajectory, planned: Trajectory) -> dict[str, float]:
+    """Return the largest difference of each planned state, at the planned times."""
+    return {
+        name: float(np.abs(flown.sample(name, planned.time) - values).max())
+        for name, values in planned.states.items()
+    }

@@ -1,0 +1,76 @@
+"""Plans as JSON documents, and back."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..trajectory import Trajectory
+from .planner import Plan
+
+KEYS = (
+    *('problem', 'vehicle', 'model', 'converged', 'verified', 'status', 'message', 'objective'),
+    *('final_time', 'iterations', 'wall_s', 'build_s', 'nodes', 'transcription', 'verification'),
+    *('constraint_violation', 'warnings', 'control_interpolation', 'wind_ned'),
+    *('time', 'states', 'controls', 'outputs'),
+)
+
+
+def plan_document(plan: Plan) -> dict[str, Any]:
+    """Return a plan as what JSON can hold; arrays become lists."""
+    report = asdict(plan.report)
+    trajectory = plan.trajectory
+    values: dict[str, Any] = {
+        **report,
+        'problem': trajectory.problem,
+        'vehicle': trajectory.vehicle,
+        'model': trajectory.model,
+        'control_interpolation': trajectory.control_interpolation,
+        'wind_ned': list(plan.wind_ned),
+        'time': trajectory.time.tolist(),
+    }
+    for group in ('states', 'controls', 'outputs'):
+        values[group] = {k: v.tolist() for k, v in getattr(trajectory, group).items()}
+    return {key: values[key] for key in KEYS}
+
+
+def read_plan(path: str | Path) -> tuple[Trajectory, dict[str, Any]]:
+    """Return the trajectory of a plan file and the rest of its document.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is not a plan; the message says what is missing.
+    """
+    try:
+        document = json.loads(Path(path).read_text(encoding='utf-8'))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f'cannot read {path}: {error}') from error
+    except json.JSONDecodeError as error:
+        raise InputError(f'{path} is not JSON: {error}') from error
+    missing = [key for key in KEYS if not isinstance(document, dict) or key not in document]
+    if missing:
+        raise InputError(f'{path} is not a plan: it lacks {", ".join(missing)}')
+    try:
+        states, controls, outputs = (
+            {name: np.array(v, float) for name, v in document.pop(group).items()}
+            for group in ('states', 'controls', 'outputs')
+        )
+        trajectory = Trajectory(
+            time=np.array(document.pop('time'), float),
+            states=states,
+            controls=controls,
+            outputs=outputs,
+            model=document['model'],
+            vehicle=document['vehicle'],
+            problem=document['problem'],
+            control_interpolation=document['control_interpolation'],
+        )
+    except (AttributeError, TypeError, ValueError) as error:
+        raise InputError(f'{path} is not a plan: {error}') from error
+    except InputError as error:
+        raise InputError(f'{path}: {error}') from error
+    return trajectory, document

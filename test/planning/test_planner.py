@@ -1,0 +1,246 @@
+"""Plans: the optimum, verification, every way to fail, cancelling."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from flightdyn.errors import InputError, ResultCode
+from flightdyn.planning.plan_file import plan_document, read_plan
+from flightdyn.planning.planner import Planner
+from flightdyn.planning.problem import list_problems, load_problem
+from flightdyn.planning.transcription import Mesh, MultipleShooting, Point
+from flightdyn.planning.verify import verify
+from flightdyn.simulation.simulator import Simulator, fly
+from flightdyn.vehicles.vehicle import load_vehicle
+
+# minimum time by switch-time optimization with DOP853, 149 starts, terminal error 9e-9
+FLIP_OPTIMUM = 0.8240737
+
+
+@pytest.fixture(scope='module')
+def planner() -> Planner:
+    return Planner()
+
+
+@pytest.fixture(scope='module')
+def flip(planner: Planner):  # type: ignore[no-untyped-def]
+    return planner.plan(load_problem('quadcopter_flip'))
+
+
+def test_flip_is_solved_verified_and_near_the_optimum(flip) -> None:  # type: ignore[no-untyped-def]
+    report = flip.report
+    assert (report.code, report.converged, report.verified) == (ResultCode.SUCCESS, True, True)
+    # held controls cannot switch inside an interval: a little over the optimum, never under
+    assert FLIP_OPTIMUM < report.final_time < FLIP_OPTIMUM + 5e-4
+    assert report.constraint_violation < 1e-7
+
+
+def test_flip_keeps_its_conditions(flip) -> None:  # type: ignore[no-untyped-def]
+    first = {name: values[0] for name, values in flip.trajectory.states.items()}
+    last = {name: values[-1] for name, values in flip.trajectory.states.items()}
+    assert first == pytest.approx(dict.fromkeys(first, 0.0), abs=1e-7)
+    assert last == pytest.approx({**first, 'x_e': 1.0, 'theta': -2 * np.pi}, abs=1e-6)
+    for thrust in flip.trajectory.controls.values():
+        assert thrust.min() > -1e-7
+        assert thrust.max() < 1 + 1e-7
+
+
+def test_flip_flown_by_the_simulator_stays_on_the_plan(flip) -> None:  # type: ignore[no-untyped-def]
+    plan = flip.trajectory
+    initial = {name: values[0] for name, values in plan.states.items()}
+    flown = fly(
+        Simulator(load_vehicle('quadcopter').model(), initial, plan),
+        plan.duration,
+        100,
+        also_at=plan.time,
+    )
+    for name in ('x_e', 'z_e'):
+        assert np.abs(flown.sample(name, plan.time) - plan[name]).max() < 1e-3, name
+
+
+def test_finer_meshes_come_closer_to_the_optimum(planner: Planner) -> None:
+    times = [
+        planner.plan(load_problem('quadcopter_flip', [f'nodes={n}'])).report.final_time
+        for n in (20, 40, 80)
+    ]
+    assert times[0] > times[1] > times[2] > FLIP_OPTIMUM
+
+
+def test_backflip_is_slower(planner: Planner) -> None:
+    backflip = planner.plan(
+        load_problem('quadcopter_flip', ['final.theta=360 deg', 'guess.theta=[0, 360 deg]'])
+    )
+    # 1.00154 s: AeroSandbox 4.2.10, trapezoidal, 80 nodes
+    assert backflip.report.final_time == pytest.approx(1.00154, abs=1e-3)
+
+
+def test_linear_controls_are_verified_too(planner: Planner) -> None:
+    report = planner.plan(load_problem('quadcopter_flip', ['control_interpolation=linear'])).report
+    assert report.verified
+    assert report.final_time == pytest.approx(FLIP_OPTIMUM, abs=2e-3)
+
+
+def test_a_tampered_plan_fails_verification(flip) -> None:  # type: ignore[no-untyped-def]
+    stage = load_vehicle('quadcopter').model().stage()
+    plan = flip.trajectory
+    states = np.array([plan.states[name] for name in stage.states])
+    controls = np.array([plan.controls[name][:-1] for name in stage.controls])
+    mesh = Mesh(80, 1, 'previous')
+    good = verify(stage, mesh, Point(states, controls, plan.duration), (0, 0, 0))
+    bad = verify(stage, mesh, Point(states, controls * 1.01, plan.duration), (0, 0, 0))
+    assert good.worst < 1e-4 < 1e-2 < bad.worst
+
+
+def test_too_coarse_a_mesh_is_not_called_a_success(planner: Planner) -> None:
+    report = planner.plan(load_problem('quadcopter_flip', ['nodes=20', 'tolerance=1e-12'])).report
+    assert (report.code, report.converged) == (ResultCode.NOT_VERIFIED, True)
+    assert 'raise nodes' in report.message
+
+
+def test_substeps_are_doubled_until_verified(planner: Planner) -> None:
+    report = planner.plan(load_problem('quadcopter_flip', ['nodes=20', 'tolerance=1e-5'])).report
+    assert report.verified
+    assert 'RK4 x1,' not in report.transcription
+
+
+def test_impossible_request_says_what_is_violated(planner: Planner) -> None:
+    plan = planner.plan(
+        load_problem('quadcopter_flip', ['duration.upper=0.5', 'duration.guess=0.4'])
+    )
+    assert plan.report.code == ResultCode.INFEASIBLE
+    assert 'does not follow the dynamics in interval' in plan.report.message
+    assert 'loosen bounds or duration' in plan.report.message
+    assert not plan.report.verified
+    assert len(plan.trajectory) == 81
+
+
+def test_cancel_ends_at_the_next_iteration(planner: Planner) -> None:
+    stop = threading.Event()
+    seen = []
+
+    def on_iteration(iteration) -> None:  # type: ignore[no-untyped-def]
+        seen.append(iteration.number)
+        if iteration.number == 5:
+            stop.set()
+
+    report = planner.plan(
+        load_problem('quadcopter_flip'), on_iteration=on_iteration, should_stop=stop.is_set
+    ).report
+    assert report.code == ResultCode.CANCELLED
+    assert seen == [0, 1, 2, 3, 4, 5]
+
+
+def test_progress_ends_feasible(planner: Planner) -> None:
+    seen = []
+    planner.plan(load_problem('quadcopter_flip'), on_iteration=seen.append)
+    assert seen[0].primal_infeasibility > 1e-2
+    assert seen[-1].primal_infeasibility < 1e-7
+    assert seen[-1].dual_infeasibility < 1e-6
+
+
+def test_time_limit_is_honoured(planner: Planner) -> None:
+    report = planner.plan(load_problem('quadcopter_flip', ['max_wall_time=1e-6'])).report
+    assert report.code == ResultCode.TIME_LIMIT
+    assert 'max_wall_time' in report.message
+
+
+def test_error_in_the_callers_callback_is_raised(planner: Planner) -> None:
+    def fail(iteration) -> None:  # type: ignore[no-untyped-def]
+        raise KeyError('mine')
+
+    with pytest.raises(KeyError, match='mine'):
+        planner.plan(load_problem('quadcopter_flip'), on_iteration=fail)
+
+
+def test_same_request_gives_the_same_plan(planner: Planner, flip) -> None:  # type: ignore[no-untyped-def]
+    again = planner.plan(load_problem('quadcopter_flip'))
+    assert again.report.build_s < flip.report.build_s or flip.report.build_s < 1e-3
+    for name, values in flip.trajectory.states.items():
+        np.testing.assert_array_equal(values, again.trajectory[name])
+
+
+def test_a_solution_as_guess_needs_few_iterations(planner: Planner, flip) -> None:  # type: ignore[no-untyped-def]
+    problem = load_problem('quadcopter_flip').with_changes(guess_trajectory=flip.trajectory)
+    plan = planner.plan(problem)
+    assert plan.report.final_time == pytest.approx(flip.report.final_time, abs=1e-6)
+
+
+def test_two_threads_get_the_same_answers(planner: Planner, flip) -> None:  # type: ignore[no-untyped-def]
+    times = []
+    threads = [
+        threading.Thread(
+            target=lambda: times.append(
+                planner.plan(load_problem('quadcopter_flip')).report.final_time
+            )
+        )
+        for _ in range(2)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert times == [flip.report.final_time] * 2
+
+
+@pytest.mark.parametrize(
+    ('setting', 'message'),
+    [
+        ('final.x=1', "final: unknown 'x'"),
+        ('final.x_e=[2, 1]', 'lower bound 2 is above'),
+        ('final.x_e=.nan', 'must be finite'),
+        ('path.thrust_left=[2, 3]', r'outside what quadcopter can do'),
+        ('path.x_e=[5, 6]', r'lies outside the path bounds \[5, 6\]'),
+        ('nodes=1', 'whole number from 2'),
+        ('nodes=1e9', 'whole number from 2'),
+        ('nodes=2.5', 'whole number'),
+        ('objective=fuel', "unknown objective 'fuel'"),
+        ('duration.lower=-1', 'must be positive'),
+        ('wind_ned=[1, 2]', 'three finite numbers'),
+        ('tolerance=0', 'tolerance'),
+        ('guess.theta=[.inf]', 'must be finite'),
+        ('vehicle=quadcoptr', "no vehicle 'quadcoptr'"),
+        ('nods=3', "did you mean 'nodes'"),
+        ('control_interpolation=cubic', 'previous or linear'),
+        ('final', 'expected KEY=VALUE'),
+        ('final.x_e.deep=1', 'not a mapping'),
+        ('final=[1]', 'expected names and values'),
+    ],
+)
+def test_bad_settings_are_refused(setting: str, message: str, planner: Planner) -> None:
+    with pytest.raises(InputError, match=message):
+        planner.plan(load_problem('quadcopter_flip', [setting]))
+
+
+def test_plan_file_round_trip(flip, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    import json
+
+    path = tmp_path / 'plan.json'
+    path.write_text(json.dumps(plan_document(flip)))
+    trajectory, document = read_plan(path)
+    assert document['verified'] is True
+    for name, values in flip.trajectory.columns.items():
+        np.testing.assert_array_equal(trajectory[name], values)
+
+
+@pytest.mark.parametrize('text', ['', '{}', '[1]', '{"time": 3}'])
+def test_what_is_no_plan_file_is_refused(text: str, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    path = tmp_path / 'plan.json'
+    path.write_text(text)
+    with pytest.raises(InputError, match=r'plan\.json'):
+        read_plan(path)
+
+
+def test_every_shipped_problem_loads() -> None:
+    assert [problem.name for problem in list_problems()] == ['quadcopter_flip']
+
+
+def test_packing_is_its_own_inverse() -> None:
+    shooting = MultipleShooting(load_vehicle('quadcopter').model().stage(), Mesh(5, 1, 'previous'))
+    rng = np.random.default_rng(3)
+    point = Point(rng.normal(size=(6, 6)), rng.normal(size=(2, 5)), 1.7)
+    scale = rng.uniform(0.1, 9, size=9)
+    back = shooting.unpack(shooting.pack(point, scale), scale)
+    np.testing.assert_allclose(back.states, point.states)
+    np.testing.assert_allclose(back.controls, point.controls)
+    assert back.duration == pytest.approx(1.7)

@@ -1,0 +1,132 @@
+"""Flying: closed forms, convergence order, two integrators to one answer."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from flightdyn.errors import InputError
+from flightdyn.simulation.integrator import reintegrate, rk4_step
+from flightdyn.simulation.scenario import load_scenario
+from flightdyn.simulation.simulator import Simulator, fly
+from flightdyn.trajectory import Trajectory
+from flightdyn.vehicles.vehicle import load_vehicle
+
+MODEL = load_vehicle('quadcopter').model()
+STAGE = MODEL.stage()
+
+
+def held(left: float, right: float) -> Trajectory:
+    return Trajectory(
+        time=np.zeros(1),
+        states={},
+        controls={'thrust_left': np.array([left]), 'thrust_right': np.array([right])},
+        control_interpolation='previous',
+    )
+
+
+def test_free_fall_is_a_parabola() -> None:
+    simulator = Simulator(MODEL, {'u_b': 3.0, 'q': 1.5}, held(0, 0))
+    flown = fly(simulator, 2.0, 50)
+    np.testing.assert_allclose(flown['x_e'], 3.0 * flown.time, atol=1e-9)
+    np.testing.assert_allclose(flown['z_e'], 9.81 / 2 * flown.time**2, atol=1e-9)
+    np.testing.assert_allclose(flown['theta'], 1.5 * flown.time, atol=1e-9)
+
+
+def test_energy_is_kept_without_thrust() -> None:
+    flown = fly(Simulator(MODEL, {'u_b': 5.0, 'w_b': -7.0, 'q': 9.0}, held(0, 0)), 3.0, 100)
+    energy = flown['speed'] ** 2 / 2 - 9.81 * flown['z_e']
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-9)
+
+
+def test_open_loop_scenario_ends_where_dop853_does() -> None:
+    # reference: SciPy DOP853 on the textbook's open-loop case
+    scenario = load_scenario('quadcopter_open_loop')
+    flown = fly(scenario.simulator(), scenario.duration, 100)
+    expected = {
+        'x_e': 3.1366300592012495,
+        'z_e': -0.8480750176808798,
+        'u_b': -8.86959714809234,
+        'w_b': -1.8820335119928324,
+        'theta': -3.499999999999997,
+        'q': -6.999999999999994,
+    }
+    for name, value in expected.items():
+        assert flown[name][-1] == pytest.approx(value, abs=2e-6), name
+    assert -flown['z_e'].min() == pytest.approx(1.3164349673638729, abs=1e-4)
+
+
+def test_rk4_converges_with_fourth_order() -> None:
+    # q = 0 and equal thrusts would be integrated exactly; the spin makes the problem hard enough
+    x0, u, wind = [0, 0, 3, 1, 0.3, 8.0], [0.9, 0.2], [0, 0, 0]
+    exact = solve_ivp(
+        lambda t, x: STAGE.function(x, u, wind)[0].full().ravel(),
+        (0, 0.5),
+        x0,
+        method='DOP853',
+        rtol=1e-13,
+        atol=1e-13,
+    ).y[:, -1]
+    errors = []
+    for substeps in (4, 8, 16, 32, 64):
+        end = rk4_step(STAGE, substeps)(x0, u, u, wind, 0.5).full().ravel()
+        errors.append(np.abs(end - exact).max())
+    slopes = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert slopes[-1] == pytest.approx(4, abs=0.2)
+
+
+def test_simulator_agrees_with_cvodes_on_jumping_and_running_controls() -> None:
+    time = np.array([0.0, 0.1, 0.25, 0.5])
+    left, right = np.array([1.0, 0.0, 0.4, 0.9]), np.array([0.0, 1.0, 0.7, 0.1])
+    table = np.array([left, right])
+    for interpolation in ('previous', 'linear'):
+        plan = Trajectory(
+            time=time,
+            states={},
+            controls={'thrust_left': left, 'thrust_right': right},
+            control_interpolation=interpolation,  # type: ignore[arg-type]
+        )
+        end = table[:, 1:] if interpolation == 'linear' else table[:, :-1]
+        reference = reintegrate(STAGE, np.zeros(6), time, table[:, :-1], end, np.zeros(3))
+        flown = fly(Simulator(MODEL, {}, plan), 0.5, 7, also_at=time)
+        for i, name in enumerate(STAGE.states):
+            np.testing.assert_allclose(
+                flown.sample(name, time), reference[i], atol=1e-8, err_msg=name
+            )
+
+
+def test_sampling_rate_does_not_change_the_flight() -> None:
+    ends = [
+        fly(Simulator(MODEL, {}, held(0.85, 0.78)), 1.0, rate)['x_e'][-1] for rate in (3, 1000)
+    ]
+    assert ends[0] == pytest.approx(ends[1], abs=1e-10)
+
+
+@pytest.mark.parametrize(
+    ('initial', 'message'),
+    [({'x': 1.0}, "no state 'x'"), ({'x_e': float('nan')}, 'must be finite')],
+)
+def test_bad_initial_states_are_refused(initial: dict[str, float], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Simulator(MODEL, initial, held(0, 0))
+
+
+def test_missing_controls_are_named() -> None:
+    with pytest.raises(InputError, match='needs the controls thrust_left, thrust_right'):
+        Simulator(MODEL, {}, Trajectory(time=np.zeros(1), states={}))
+
+
+def test_scenario_beyond_the_vehicles_limits_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / 'wild.yaml'
+    path.write_text(
+        'vehicle: quadcopter\nduration: 1\ncontrols: {thrust_left: 2, thrust_right: 0}\n'
+    )
+    with pytest.raises(InputError, match=r'thrust_left: 2 is outside \[0, 1\]'):
+        load_scenario(str(path))
+
+
+@pytest.mark.parametrize(('duration', 'rate'), [(0, 100), (1, 0), (1, float('inf')), (1e9, 1e6)])
+def test_absurd_sampling_is_refused(duration: float, rate: float) -> None:
+    with pytest.raises(InputError):
+        fly(Simulator(MODEL, {}, held(0, 0)), duration, rate)
