@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .errors import InputError
 from .files import check_writable, written_whole
@@ -48,8 +47,10 @@ def write_flight(
 
         write_flight_mcap(flight, path)
     elif path.suffix in TABLES:
-        columns: dict[str, NDArray[Any]] = {'time': flight.time, **flight.columns}
-        _write_table(path, columns, flight)
+        from .tables import write_table
+
+        about = {'vehicle': flight.vehicle, 'model': flight.model}
+        write_table({'time': flight.time, **flight.columns}, path, about)
     else:
         _write_view(path, flight, document, planned)
 
@@ -57,17 +58,11 @@ def write_flight(
 def write_replay(path: Path, flight: Trajectory, document: dict[str, Any]) -> None:
     """Write a replayed flight; `document` is what a .json file holds."""
     if path.suffix in TABLES:
-        from .replay.table import replay_columns
+        from .replay.table import write_table
 
-        _write_table(path, replay_columns(flight), flight)
+        write_table(flight, path)
     else:
         _write_view(path, flight, document, None)
-
-
-def _write_table(path: Path, columns: dict[str, NDArray[Any]], flight: Trajectory) -> None:
-    from .tables import write_table
-
-    write_table(columns, path, {'vehicle': flight.vehicle, 'model': flight.model})
 
 
 def _write_view(

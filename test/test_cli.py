@@ -1,0 +1,188 @@
+"""The command line: results on stdout, one clear line on stderr, the right exit code."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flightdyn.cli import main
+
+GLIDER = Path(__file__).parent / 'data' / 'discus2_thermal.mcap'
+PLAN_KEYS = (
+    'problem vehicle model converged verified status message objective final_time iterations '
+    'wall_s build_s nodes transcription verification constraint_violation time states controls '
+    'outputs'
+).split()
+REPLAY_KEYS = (
+    'file source schema altitude_datum messages used dropped segments origin duration_s '
+    'distance_m max_speed max_altitude warnings'
+).split()
+REPLAY_COLUMNS = (
+    't segment lat lon altitude x_e y_e z_e u_e v_e w_e speed gamma track bank load_factor '
+    'x_e_std y_e_std z_e_std speed_std gamma_std track_std'
+).split()
+
+
+@pytest.fixture(scope='module')
+def plan_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp('plan') / 'plan.json'
+    assert main(['plan', 'quadcopter_flip', '-o', str(path)]) == 0
+    return path
+
+
+def test_plan_prints_the_document_as_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['plan', 'quadcopter_flip', '--json', '--set', 'nodes=40']) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert set(PLAN_KEYS) <= set(document)
+    assert document['verified'] is True
+    assert len(document['time']) == len(document['states']['x_e']) == 41
+
+
+def test_plan_writes_every_format(tmp_path: Path) -> None:
+    names = [f'plan{suffix}' for suffix in ('.json', '.csv', '.parquet', '.mcap', '.rrd', '.png')]
+    paths = [tmp_path / name for name in names]
+    assert main(['plan', 'quadcopter_flip', '-o', *map(str, paths)]) == 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(names)
+    assert all(path.stat().st_size > 1000 for path in paths)
+
+
+def test_a_plan_flown_by_sim_stays_on_it(
+    plan_path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(['sim', str(plan_path), '--json', '-o', str(tmp_path / 'flown.mcap')]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert 0 < document['deviation_from_plan']['x_e'] < 1e-3
+    assert main(['info', str(tmp_path / 'flown.mcap'), '--json']) == 0
+    topics = json.loads(capsys.readouterr().out)['topics']
+    assert {'nav_msgs/msg/Odometry', 'flightdyn_msgs/msg/VehicleState'} <= {
+        topic['schema'] for topic in topics
+    }
+
+
+def test_sim_of_a_scenario(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['sim', 'quadcopter_open_loop', '--rate', '50']) == 0
+    assert '3.13663' in capsys.readouterr().out
+
+
+def test_plan_flown_and_replayed_comes_back(plan_path: Path, tmp_path: Path) -> None:
+    flown, table = tmp_path / 'flown.mcap', tmp_path / 'replayed.csv'
+    assert main(['sim', str(plan_path), '--rate', '500', '-o', str(flown)]) == 0
+    assert main(['replay', str(flown), '-o', str(table)]) == 0
+    plan = json.loads(plan_path.read_text())
+    replayed = np.genfromtxt(table, delimiter=',', names=True)
+    time = (replayed['t'] - replayed['t'][0]) * 1e-9
+    for name in ('x_e', 'z_e'):
+        at_nodes = np.interp(plan['time'], time, replayed[name])
+        assert np.abs(at_nodes - plan['states'][name]).max() < 0.05, name
+
+
+def test_replay_of_a_real_glider(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = tmp_path / 'glider.parquet'
+    assert main(['replay', str(GLIDER), '--json', '-o', str(table)]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert set(REPLAY_KEYS) <= set(summary)
+    import pyarrow.parquet as pq
+
+    columns = pq.read_table(table)
+    assert columns.column_names[: len(REPLAY_COLUMNS)] == REPLAY_COLUMNS
+    for name in columns.column_names:
+        assert np.isfinite(columns[name].to_numpy()).all(), name
+
+
+def test_start_and_end_cut_the_log(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['replay', str(GLIDER), '--json', '--start', '10', '--end', '70']) == 0
+    assert json.loads(capsys.readouterr().out)['duration_s'] == pytest.approx(60, abs=1)
+
+
+def test_models_lists_the_family(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['models', '--json']) == 0
+    rows = {row['class']: row for row in json.loads(capsys.readouterr().out)}
+    assert rows['DynamicsRigidBody2DBody']['controls'] == ['Fx_b', 'Fz_b', 'My_b']
+    assert main(['models']) == 0
+    assert main(['vehicles']) == 0
+    assert 'quadcopter' in capsys.readouterr().out
+
+
+def test_unconverged_plan_exits_3_with_the_last_iterate_marked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / 'plan.json'
+    arguments = ['--set', 'duration.upper=0.5', '--set', 'duration.guess=0.4', '-o', str(path)]
+    assert main(['plan', 'quadcopter_flip', *arguments]) == 3
+    assert 'loosen bounds' in capsys.readouterr().err
+    assert json.loads(path.read_text())['converged'] is False
+
+
+def test_unverified_plan_exits_4(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ['--set', 'nodes=20', '--set', 'tolerance=1e-12']
+    assert main(['plan', 'quadcopter_flip', *arguments]) == 4
+    assert 'flown again' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'message'),
+    [
+        (['plan', 'quadcopter_flop'], 'known: quadcopter_flip'),
+        (['plan', 'nowhere.yaml'], 'cannot read nowhere.yaml'),
+        (['plan', 'quadcopter_flip', '-o', 'plan.docx'], "suffix '.docx'"),
+        (['plan', 'quadcopter_flip', '-o', 'nowhere/plan.json'], 'there is no folder nowhere'),
+        (['plan', 'quadcopter_flip', '--config-dir', 'nowhere'], 'is not a folder'),
+        (['sim', 'nothing'], 'known: quadcopter_open_loop'),
+        (['sim', 'nowhere.json'], 'cannot read nowhere.json'),
+        (['sim', 'quadcopter_open_loop', '--rate', '-5'], 'must be positive'),
+        (['replay', 'nowhere.mcap'], 'nowhere.mcap'),
+        (['replay', str(GLIDER), '--source', '/gps'], '/fix'),
+        (['replay', str(GLIDER), '--start', '90000'], 'it runs from 0 s'),
+        (['replay', str(GLIDER), str(GLIDER), '-o', 'x.csv'], "'{log}'"),
+        (['info', __file__], 'MCAP'),
+    ],
+)
+def test_bad_input_is_one_line_and_code_2(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ''
+    assert message in captured.err
+    assert len(captured.err.strip().splitlines()) == 1
+
+
+def test_interrupt_ends_planning_with_130(tmp_path: Path) -> None:
+    # 5000 nodes take far longer than the test; the signal is sent once the solver iterates
+    script = (
+        'import os, signal, sys, threading\n'
+        'from flightdyn.planning import solver\n'
+        'from flightdyn.cli import main\n'
+        'original = solver._Watch.__call__\n'
+        'def call(self, *arguments):\n'
+        '    if self.count == 3: os.kill(os.getpid(), signal.SIGINT)\n'
+        '    return original(self, *arguments)\n'
+        'solver._Watch.__call__ = call\n'
+        f'sys.exit(main(["plan", "quadcopter_flip", "-o", "{tmp_path}/plan.json"]))\n'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', script], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 130
+    assert 'Traceback' not in done.stderr
+    assert json.loads((tmp_path / 'plan.json').read_text())['converged'] is False
+
+
+def test_closed_pipe_is_no_error() -> None:
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run(
+        [sys.executable, '-m', 'flightdyn.cli', 'models'],
+        stdout=write,
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
+    os.close(write)
+    assert 'Traceback' not in done.stderr
+    assert done.returncode != -signal.SIGPIPE
