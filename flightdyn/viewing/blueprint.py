@@ -1,0 +1,159 @@
+"""How a recording opens in the Rerun viewer: which views, where, from which side."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import MissingExtraError
+from .quantities import Group
+from .scenery import Camera, nice_step
+
+try:
+    import rerun as rr
+    import rerun.blueprint as rrb
+except ImportError as error:
+    raise MissingExtraError('a Rerun recording', 'view') from error
+
+SKY = [22, 30, 42]
+MAX_PLOT_ROWS = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout:
+    """What the blueprint has to know of a recording.
+
+    Parameters
+    ----------
+    duration : float
+        Of the flight [s].
+    groups : sequence of Group
+        The plots that were recorded, most useful first.
+    overview, chase : Camera
+        The overview's in earth axes, the chase view's in forward, left, up of the heading.
+    path_note : str
+        What the path's colours mean.
+    map_zoom : float or None
+        Zoom of the map; None if there is no map.
+    """
+
+    duration: float
+    groups: Sequence[Group]
+    overview: Camera
+    chase: Camera
+    path_note: str = ''
+    map_zoom: float | None = None
+
+
+def playback_speed(duration: float) -> float:
+    """Return a round play rate: a second-long flip takes ten, an hour takes about one minute."""
+    rate = duration / (10.0 * max(duration, 1e-3) ** 0.2)
+    return 1.0 if 0.4 < rate < 2.5 else nice_step(rate)
+
+
+def flight_blueprint(layout: Layout) -> rrb.Blueprint:
+    """Return the blueprint: 3D views and map left, plots right, paused at the start."""
+    everything = '+ /world/**'
+    overview = rrb.Spatial3DView(
+        origin='/world',
+        name=f'Overview ({layout.path_note})',
+        contents=[everything, '- /world/chase/**', '- /world/vehicle/body/**'],
+        background=SKY,
+        line_grid=False,
+        eye_controls=_eye(layout.overview),
+    )
+    # Ghosts and the curtain of every circle flown would stand in the way from close by.
+    large = ['- /world/vehicle/enlarged/**', '- /world/vehicle/marker/**']
+    hidden = [*large, '- /world/ghosts/**', '- /world/curtain/**']
+    chase = rrb.Spatial3DView(
+        origin='/world/chase',
+        name='Chase',
+        contents=[everything, *hidden],
+        background=SKY,
+        line_grid=False,
+        eye_controls=_eye(layout.chase),
+    )
+    events = rrb.TextLogView(origin='/events', name='Events')
+    summary = rrb.TextDocumentView(origin='/summary', name='Summary')
+    if layout.map_zoom is None:
+        lower = rrb.Horizontal(events, summary, column_shares=[3, 2])
+    else:
+        # The zoom is given: left to itself the viewer may fit the map before its data arrive.
+        chart = rrb.MapView(origin='/map', name='Map', zoom=layout.map_zoom)
+        notes = rrb.Tabs(events, summary, active_tab=0)
+        lower = rrb.Horizontal(chart, notes, column_shares=[1, 1])
+    scene = rrb.Horizontal(overview, chase, column_shares=[3, 2])
+    left = rrb.Vertical(scene, lower, row_shares=[5, 2])
+    plots = _plots(layout.groups)
+    return rrb.Blueprint(
+        rrb.Horizontal(left, plots, column_shares=[5, 2]) if layout.groups else left,
+        rrb.TimePanel(
+            state='collapsed',
+            timeline='flight_time',
+            play_state='paused',
+            playback_speed=playback_speed(layout.duration),
+            loop_mode='all',
+        ),
+        rrb.BlueprintPanel(state='hidden'),
+        rrb.SelectionPanel(state='hidden'),
+        auto_views=False,
+    )
+
+
+def _eye(camera: Camera) -> rrb.EyeControls3D:
+    return rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital, position=camera.position, look_target=camera.target
+    )
+
+
+def _plots(groups: Sequence[Group]) -> rrb.Container:
+    views: list[rrb.View | rrb.Container] = [_plot(group) for group in groups]
+    keep = MAX_PLOT_ROWS if len(views) <= MAX_PLOT_ROWS else MAX_PLOT_ROWS - 1
+    if len(views) > keep:
+        views = [*views[:keep], rrb.Tabs(*views[keep:], active_tab=0)]
+    return rrb.Vertical(*views, row_shares=np.ones(len(views)).tolist())
+
+
+def _plot(group: Group) -> rrb.TimeSeriesView:
+    everything = rr.TimeRange(
+        start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite()
+    )
+    return rrb.TimeSeriesView(
+        origin=f'/plots/{group.key}',
+        name=group.title,
+        axis_x=rrb.TimeAxis(view_range=everything),
+        axis_y=rrb.ScalarAxis(range=_value_range(group)),
+        plot_legend=rrb.PlotLegend(corner=_free_corner(group)),
+    )
+
+
+def _value_range(group: Group) -> tuple[float, float]:
+    """Return the axis range: the values and some air, so that no line runs along the frame."""
+    low = min(float((s.values if s.std is None else s.values - s.std).min()) for s in group.series)
+    high = max(
+        float((s.values if s.std is None else s.values + s.std).max()) for s in group.series
+    )
+    air = 0.08 * (high - low) or max(0.05 * abs(high), 0.05)
+    return low - air, high + air
+
+
+def _free_corner(group: Group) -> rrb.Corner2D:
+    """Return the corner of the plot with the fewest values behind the legend."""
+    low, high = _value_range(group)
+    crowd = {}
+    for right in (True, False):
+        for top in (True, False):
+            count = 0
+            for series in group.series:
+                n = series.values.size
+                part = series.values[int(0.7 * n) :] if right else series.values[: int(0.3 * n)]
+                level = (part - low) / (high - low)
+                count += int((level > 0.6).sum() if top else (level < 0.4).sum())
+            crowd[right, top] = count
+    corners = {
+        (True, True): rrb.Corner2D.RightTop,
+        (False, True): rrb.Corner2D.LeftTop,
+        (True, False): rrb.Corner2D.RightBottom,
+        (False, False): rrb.Corner2D.LeftBottom,
+    }
+    return corners[min(crowd, key=lambda corner: crowd[corner])]

@@ -1,0 +1,255 @@
+"""Static geometry of a 3D scene: coloured path, curtain, ground, ghosts and cameras."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..trajectory import Trajectory
+from .kinematics import Motion
+
+Array = NDArray[np.float64]
+Colors = NDArray[np.uint8]
+
+MAX_PATH_POINTS = 50_000
+MAX_PATH_STRIPS = 1_000  # the viewer's time to the first picture grows with strips, not points
+MAX_CURTAIN_POINTS = 6_000
+COLOR_BINS = 24
+SCENE_SHARE = 0.04  # a vehicle drawn this large against the scene can be seen and read
+FIELD_OF_VIEW = np.radians(55.0)  # the viewer's own, vertical
+
+# Violet over teal to yellow: luminance rises steadily, so it reads without hue as well.
+_MAP = np.array(
+    [(92, 82, 190), (70, 118, 200), (44, 146, 182), (36, 168, 142), (84, 196, 104),
+     (166, 219, 58), (253, 231, 60)], float,
+)  # fmt: skip
+
+
+def color_map(values: Array, low: float, high: float) -> Colors:
+    """Return colours (n, 3), violet at `low` to yellow at `high`."""
+    share = np.clip((np.asarray(values, float) - low) / max(high - low, 1e-12), 0, 1)
+    at = share * (len(_MAP) - 1)
+    rgb = [np.interp(at, np.arange(len(_MAP)), _MAP[:, i]) for i in range(3)]
+    return np.round(np.column_stack(rgb)).astype(np.uint8)
+
+
+def speed_range(motion: Motion) -> tuple[float, float]:
+    """Return the speeds [m/s] at the ends of the colour map: 1 in 200 samples lies beyond each."""
+    low, high = np.quantile(motion.speed, (0.005, 0.995))
+    return (float(low), float(high)) if high - low > 1e-9 else (float(low) - 0.5, float(low) + 0.5)
+
+
+def drawn_samples(motion: Motion, budget: int) -> list[NDArray[np.intp]]:
+    """Return which samples to draw, one index array for each unbroken stretch.
+
+    All of them if they are within the budget; else the first in each `length / budget` metres of
+    path, so that no vertex is spent on standing still. A stretch's ends always stay.
+    """
+    if len(motion.time) <= budget:
+        return [np.arange(part.start, part.stop) for part in motion.segments]
+    step = max(float(motion.arc_length[-1]), 1e-9) / budget
+    cell = np.floor(motion.arc_length / step)
+    parts = []
+    for part in motion.segments:
+        inside = cell[part]
+        keep = np.flatnonzero(np.diff(inside, prepend=-1.0) > 0)
+        parts.append(part.start + np.union1d(keep, [0, inside.size - 1]).astype(np.intp))
+    return parts
+
+
+@dataclass(frozen=True)
+class Strip:
+    """A stretch of path in one colour, as sample indices."""
+
+    index: NDArray[np.intp]
+    color: tuple[int, int, int]
+
+
+def colored_strips(motion: Motion, *, budget: int = MAX_PATH_POINTS) -> list[Strip]:
+    """Return the path as strips of one speed colour each; none crosses a gap.
+
+    Strips meet in a shared sample. The speed is averaged over short runs before it is binned, or
+    noise would cut the path into confetti.
+    """
+    low, high = speed_range(motion)
+    parts = [part for part in drawn_samples(motion, budget) if part.size > 1]
+    total = sum(part.size for part in parts)
+    run = max(1, -(-total // MAX_PATH_STRIPS))
+    levels = np.linspace(low, high, COLOR_BINS)
+    palette = color_map(levels, low, high)
+    strips = []
+    for part in parts:
+        starts = np.arange(0, part.size - 1, run)
+        speed = np.add.reduceat(motion.speed[part[:-1]], starts)
+        speed /= np.diff(np.append(starts, part.size - 1))
+        level = np.round((speed - low) / (high - low) * (COLOR_BINS - 1))
+        level = np.clip(level, 0, COLOR_BINS - 1).astype(int)
+        first = np.flatnonzero(np.diff(level, prepend=-1))
+        bounds = np.append(starts[first], part.size - 1)
+        for k, (a, b) in enumerate(pairwise(bounds)):
+            red, green, blue = palette[level[first[k]]].tolist()
+            strips.append(Strip(part[a : b + 1], (red, green, blue)))
+    return strips
+
+
+def ground_altitude(trajectory: Trajectory, motion: Motion) -> float:
+    """Return the altitude [m] the curtain falls to.
+
+    The lowest point of a flight that has a date or a place on earth; for a simulation or plan
+    z_e = 0, or its lowest point if that is lower.
+    """
+    lowest = float(motion.altitude.min())
+    real = trajectory.start_ns != 0 or 'lat' in trajectory
+    return lowest if real else min(0.0, lowest)
+
+
+def curtain(motion: Motion, ground: float) -> tuple[Array, NDArray[np.uint32], Colors]:
+    """Return vertices (n, 3), triangles (m, 3) and colours (n, 3) from the path to the ground.
+
+    The foot is `altitude - ground` below the path, which on long flights follows the round earth
+    away from the tangent plane.
+    """
+    vertices, triangles, colors, base = [], [], [], 0
+    low, high = speed_range(motion)
+    for part in drawn_samples(motion, MAX_CURTAIN_POINTS):
+        top = motion.position[part]
+        foot = top.copy()
+        foot[:, 2] += np.maximum(motion.altitude[part] - ground, 0)
+        vertices.append(np.stack([top, foot], axis=1).reshape(-1, 3))
+        colors.append(np.repeat(color_map(motion.speed[part], low, high), 2, axis=0))
+        a = base + 2 * np.arange(part.size - 1)
+        triangles.append(
+            np.stack([np.stack([a, a + 1, a + 2], 1), np.stack([a + 1, a + 3, a + 2], 1)], axis=1)
+        )
+        base += 2 * part.size
+    return (
+        np.concatenate(vertices),
+        np.concatenate(triangles).reshape(-1, 3).astype(np.uint32),
+        np.concatenate(colors),
+    )
+
+
+def nice_step(value: float) -> float:
+    """Return the 1, 2 or 5 times a power of ten nearest to a positive value."""
+    steps = np.outer(10.0 ** np.arange(-9, 10), (1.0, 2.0, 5.0)).ravel()
+    return float(steps[np.argmin(np.abs(np.log(steps / max(value, 1e-9))))])
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A level grid: line ends (n, 2, 3), spacing [m], corners (4, 3) of the plane below it."""
+
+    lines: Array
+    spacing: float
+    corners: Array
+
+
+def ground_grid(motion: Motion, z_e: float) -> Ground:
+    """Return a grid under the whole flight, lines on whole multiples of a round spacing."""
+    low, high = motion.bounds
+    extent = max(float((high - low)[:2].max()), 0.35 * motion.size, 1e-3)
+    spacing = nice_step(extent / 9)
+    margin = 0.3 * extent + 0.2 * (extent - (high - low)[:2])
+    start = np.floor((low[:2] - margin) / spacing) * spacing
+    stop = np.ceil((high[:2] + margin) / spacing) * spacing
+    x = np.arange(start[0], stop[0] + spacing / 2, spacing)
+    y = np.arange(start[1], stop[1] + spacing / 2, spacing)
+    lines = [[(xi, start[1], z_e), (xi, stop[1], z_e)] for xi in x]
+    lines += [[(start[0], yi, z_e), (stop[0], yi, z_e)] for yi in y]
+    # Just under the lines, or the two fight for the same pixels.
+    low_z = z_e + 0.002 * extent
+    corners = [(start[0], start[1]), (stop[0], start[1]), (stop[0], stop[1]), (start[0], stop[1])]
+    return Ground(np.array(lines), spacing, np.array([(a, b, low_z) for a, b in corners]))
+
+
+def ghost_samples(motion: Motion, size: float) -> NDArray[np.intp]:
+    """Return samples at which to draw the vehicle, spread over time and distance alike.
+
+    There are at most 16, fewer where vehicles of this size [m] would overlap.
+    """
+    count = int(np.clip(motion.arc_length[-1] / (1.1 * size), 5, 16))
+    share = np.linspace(0, 1, len(motion.time))
+    if motion.arc_length[-1] > 0:
+        elapsed = motion.time - motion.time[0]
+        by_time = elapsed / max(float(elapsed[-1]), 1e-12)
+        share = 0.5 * by_time + 0.5 * motion.arc_length / motion.arc_length[-1]
+    index = np.searchsorted(share, np.linspace(0, 1, count))
+    return np.unique(np.clip(index, 0, len(motion.time) - 1))
+
+
+@dataclass(frozen=True)
+class Camera:
+    """An eye and what it looks at, in earth axes [m]."""
+
+    position: tuple[float, float, float]
+    target: tuple[float, float, float]
+
+
+def overview_camera(
+    motion: Motion, *, ground_z: float, margin: float, aspect: float = 1.2
+) -> Camera:
+    """Return the eye that sees all of the path broadside from above, start to the left.
+
+    Parameters
+    ----------
+    ground_z : float
+        z_e of the ground [m], kept in view.
+    margin : float
+        Room around the path [m], for the vehicle.
+    aspect : float
+        Width over height of the view.
+    """
+    pick = np.concatenate(drawn_samples(motion, 2000))
+    pick = pick[:: max(1, pick.size // 4000)]
+    points = motion.position[pick]
+    foot = points.copy()
+    foot[:, 2] = ground_z
+    points = np.concatenate([points, foot])
+    level = points[:, :2] - points[:, :2].mean(axis=0)
+    along = np.linalg.svd(level, full_matrices=False)[2][0]
+    travel = motion.position[-1, :2] - motion.position[0, :2]
+    if along @ travel < 0 or (np.allclose(travel, 0) and along[0] < 0):
+        along = -along
+    height = np.ptp(motion.position[:, 2]) / max(motion.size, 1e-9)
+    elevation = np.radians(np.interp(height, (0.02, 0.2), (42.0, 24.0)))  # flat: from higher
+    right = np.array([along[0], along[1], 0.0])
+    back = np.array([-along[1], along[0], 0.0]) * np.cos(elevation) + (0, 0, -np.sin(elevation))
+    up = np.cross(right, -back)
+    center = (points.min(axis=0) + points.max(axis=0)) / 2
+    view = (points - center) @ np.column_stack([right, up, back])
+    center = center + _middle(view[:, 0]) * right + _middle(view[:, 1]) * up
+    view = (points - center) @ np.column_stack([right, up, back])
+    tan_v = 0.86 * np.tan(FIELD_OF_VIEW / 2)
+    need_v = (np.abs(view[:, 1]) + margin) / tan_v + view[:, 2]
+    need_h = (np.abs(view[:, 0]) + margin) / (tan_v * aspect) + view[:, 2]
+    distance = float(max(need_v.max(), need_h.max(), 1e-3))
+    eye = center + back * distance
+    return Camera((eye[0], eye[1], eye[2]), (center[0], center[1], center[2]))
+
+
+def _middle(values: Array) -> float:
+    return float(values.min() + values.max()) / 2
+
+
+def map_zoom(lat_lon: Array, *, width: float = 400.0, height: float = 240.0) -> float:
+    """Return the web-map zoom at which a track (n, 2) [deg] fits a panel of that many pixels."""
+    lat, lon = np.radians(np.clip(lat_lon[:, 0], -85, 85)), np.unwrap(lat_lon[:, 1], period=360)
+    across = float(np.ptp(lon)) / 360
+    down = float(np.ptp(np.arcsinh(np.tan(lat)))) / (2 * np.pi)  # Mercator
+    share = max(across / width, down / height, 1e-9)
+    return float(np.clip(np.log2(1 / (256 * share)), 1.0, 18.0))
+
+
+def lines_on_map(lat_lon: Array, index: NDArray[np.intp]) -> list[Array]:
+    """Return a strip as latitudes and longitudes, cut where it crosses the 180th meridian."""
+    line = lat_lon[index]
+    cuts = np.flatnonzero(np.abs(np.diff(line[:, 1])) > 180) + 1
+    return [piece for piece in np.split(line, cuts) if len(piece) > 1]
+
+
+def slices(n: int, rows: int) -> Iterator[slice]:
+    """Yield 0..n in slices of at most `rows`."""
+    for start in range(0, n, rows):
+        yield slice(start, min(start + rows, n))
