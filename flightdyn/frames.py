@@ -27,18 +27,20 @@ R_BODY_GEOMETRY: Rotation = ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0)
 
 def matmul(a: Rotation, b: Rotation) -> Rotation:
     """Return the product a b of two rotations."""
-    columns = tuple(rotate(a, column) for column in transpose(b))
-    return transpose(columns)  # type: ignore[arg-type]
+    first, second, third = (rotate(a, column) for column in transpose(b))
+    return transpose((first, second, third))
 
 
 def transpose(a: Rotation) -> Rotation:
     """Return the inverse of a rotation."""
-    return tuple(tuple(a[j][i] for j in range(3)) for i in range(3))  # type: ignore[return-value]
+    first, second, third = zip(*a, strict=True)
+    return first, second, third
 
 
 def rotate(a: Rotation, v: Vector) -> Vector:
     """Return the components a v."""
-    return tuple(sum(a[i][k] * v[k] for k in range(3)) for i in range(3))  # type: ignore[return-value]
+    x, y, z = (sum(r * c for r, c in zip(row, v, strict=True)) for row in a)
+    return x, y, z
 
 
 def rotation_from_euler(phi: Vectorizable, theta: Vectorizable, psi: Vectorizable) -> Rotation:

@@ -12,6 +12,7 @@ from ..errors import InputError
 
 Array = NDArray[np.float64]
 
+
 @dataclass(frozen=True)
 class GeodeticPoint:
     """A point by WGS84 latitude, longitude [deg] and altitude [m].

@@ -1,0 +1,125 @@
+"""Replay of a log in one call, and what to say of it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..logs.track import Track
+from ..trajectory import Trajectory
+from .reconstruct import reconstruct
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A log's track and the motion reconstructed from it."""
+
+    track: Track
+    trajectory: Trajectory
+
+    def summary(self) -> dict[str, Any]:
+        """Return figures for people and for JSON.
+
+        Returns
+        -------
+        dict
+            `file source schema altitude_datum messages used dropped segments origin duration_s
+            distance_m max_speed max_altitude warnings`. Segments start and end in seconds of the
+            trajectory's time; distance [m] is flown within segments, not across gaps; altitude
+            [m] is above the datum, or the local origin where there is none.
+        """
+        track, flown = self.track, self.trajectory
+        origin = flown.origin
+        altitude = flown['altitude'] if 'altitude' in flown else -flown['z_e']
+        position = np.stack([flown[name] for name in ('x_e', 'y_e', 'z_e')], axis=1)
+        pieces = list(flown.segments())
+        distance = sum(
+            float(np.linalg.norm(np.diff(position[piece], axis=0), axis=1).sum())
+            for piece in pieces
+        )
+        return {
+            'file': track.file,
+            'source': track.source,
+            'schema': track.schema,
+            'altitude_datum': track.altitude_datum,
+            'messages': track.messages,
+            'used': len(track),
+            'dropped': dict(track.dropped),
+            'segments': [
+                {
+                    'start': float(flown.time[piece][0]),
+                    'end': float(flown.time[piece][-1]),
+                    'samples': piece.stop - piece.start,
+                }
+                for piece in pieces
+            ],
+            'origin': None
+            if origin is None
+            else {'lat': origin.lat, 'lon': origin.lon, 'altitude': origin.altitude},
+            # A clock set back starts a segment anew: the last sample need not be the latest.
+            'duration_s': float(np.ptp(flown.time)),
+            'distance_m': distance,
+            'max_speed': float(flown['speed'].max()),
+            'max_altitude': float(altitude.max()),
+            'warnings': self._warnings(),
+        }
+
+    def _warnings(self) -> list[str]:
+        track, flown = self.track, self.trajectory
+        found = list(track.warnings)
+        repeated = len(track) - len(flown)
+        if repeated:
+            found.append(f'{repeated} samples had the time of the one before and were averaged')
+        lonely = sum(piece.stop - piece.start < 3 for piece in flown.segments())
+        if lonely:
+            found.append(
+                f'{lonely} segments of one or two samples: their velocity is hardly known'
+            )
+        if track.altitude is not None:
+            blank = int((~np.isfinite(track.altitude)).sum())
+            if blank == len(track):
+                found.append('no altitude in the log: taken as 0')
+            elif blank:
+                found.append(f'{blank} samples had no altitude: interpolated')
+        return found
+
+
+def replay_log(
+    path: str | Path,
+    *,
+    source: str | None = None,
+    start: float | None = None,
+    end: float | None = None,
+    position_std: ArrayLike | None = None,
+    velocity_std: ArrayLike | None = None,
+    jerk_density: ArrayLike | None = None,
+) -> Replay:
+    """Return the motion recorded in a log.
+
+    Parameters
+    ----------
+    path : str or Path
+        An MCAP file.
+    source : str, optional
+        Topic to take positions from. Default: the best there is.
+    start, end : float, optional
+        Seconds from the log's first sample.
+    position_std, velocity_std, jerk_density
+        See `reconstruct`.
+
+    Raises
+    ------
+    LogError
+        If the log cannot be read or has no usable position.
+    InputError
+        If the source or the range has no samples.
+    """
+    from ..logs.sources import read_track
+
+    track = read_track(path, source=source, start=start, end=end)
+    trajectory = reconstruct(
+        track, position_std=position_std, velocity_std=velocity_std, jerk_density=jerk_density
+    )
+    return Replay(track, trajectory)
