@@ -1,0 +1,547 @@
+"""The MCAP container: records, chunks and indexes of a file; nothing of what messages mean.
+
+A file is memory-mapped. Its index is used when there is one and it agrees with the file's own
+statistics; otherwise the file is walked from front to back. Nothing that a file claims about
+sizes is believed before it is compared with what is there.
+
+References
+----------
+.. [1] MCAP format specification, https://mcap.dev/spec
+"""
+
+import contextlib
+import mmap
+import struct
+import zlib
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import LogError
+from .mcap_records import (
+    CHANNEL,
+    CHUNK,
+    CHUNK_INDEX,
+    DATA_END,
+    FOOTER,
+    FOOTER_RECORD,
+    HEADER,
+    INDEX_ENTRY,
+    MAGIC,
+    MESSAGE,
+    MESSAGE_HEAD,
+    MESSAGE_INDEX,
+    METADATA,
+    METADATA_INDEX,
+    OTHER_FORMATS,
+    RECORD,
+    SCHEMA,
+    STATISTICS,
+    DamageError,
+    RecordReader,
+)
+from .unpacking import unpack
+
+Bytes = NDArray[np.uint8]
+Offsets = NDArray[np.int64]
+
+MAX_CHUNK_BYTES = 512 * 2**20
+"""Largest unpacked chunk that is accepted; recorders write 1 to 16 MiB."""
+
+
+@dataclass(frozen=True)
+class Schema:
+    """How the messages of some channels are laid out, as the file says it."""
+
+    id: int
+    name: str
+    encoding: str
+    data: bytes
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One stream of messages; `schema_id` 0 means that it has no schema."""
+
+    id: int
+    schema_id: int
+    topic: str
+    message_encoding: str
+    metadata: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class MessageBatch:
+    """Messages of one channel, in file order.
+
+    Parameters
+    ----------
+    channel_id : int
+    data : uint8 array
+        Bytes that the payloads are in. Only valid until the next batch is asked for: the memory
+        is used again.
+    start, end : int array (n,)
+        Where each payload begins and ends in `data`.
+    log_time, publish_time : int array (n,)
+        Nanoseconds since the recorder's epoch.
+    """
+
+    channel_id: int
+    data: Bytes
+    start: Offsets
+    end: Offsets
+    log_time: NDArray[np.int64]
+    publish_time: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return int(self.start.size)
+
+
+@dataclass
+class _Block:
+    """A chunk, or (length 0) messages outside chunks; `offsets` of records by channel."""
+
+    offset: int
+    length: int = 0
+    offsets: dict[int, Offsets] | None = None
+    index_offsets: dict[int, int] = field(default_factory=dict)
+
+
+class McapFile:
+    """An open MCAP file; a context manager.
+
+    Parameters
+    ----------
+    path : path
+    max_chunk_bytes : int
+        Chunks that would unpack to more are refused.
+
+    Attributes
+    ----------
+    schemas, channels : mapping of id to Schema, Channel
+    message_counts : mapping of channel id to number of messages
+    metadata : list of (name, mapping)
+        The metadata records.
+    profile, library : str
+    size : int
+        Bytes of the file.
+    warnings : list of str
+        What is wrong with the file and did not prevent reading it.
+
+    Raises
+    ------
+    LogError
+        If the file is missing, not an MCAP, or damaged; the message names file and byte.
+    """
+
+    def __init__(self, path: str | Path, *, max_chunk_bytes: int = MAX_CHUNK_BYTES) -> None:
+        self.path = Path(path)
+        self.max_chunk_bytes = max_chunk_bytes
+        self.schemas: dict[int, Schema] = {}
+        self.channels: dict[int, Channel] = {}
+        self.message_counts: dict[int, int] = {}
+        self.metadata: list[tuple[str, dict[str, str]]] = []
+        self.warnings: list[str] = []
+        self.profile = self.library = ''
+        self._blocks: list[_Block] = []
+        self._buffer: Bytes = np.empty(0, np.uint8)
+        try:
+            with self.path.open('rb') as stream:
+                size = stream.seek(0, 2)
+                if size == 0:
+                    raise LogError(f'{self.path}: the file is empty (0 bytes), not an MCAP')
+                self._map = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
+        except OSError as error:
+            raise LogError(f'{self.path}: cannot be read: {error.strerror or error}') from None
+        self._data: Bytes = np.frombuffer(self._map, np.uint8)
+        self.size = size
+        self._closed_properly = size >= 16 and self._map[-len(MAGIC) :] == MAGIC
+        self._check_magic()
+        try:
+            self._read_header()
+            if not self._open_indexed():
+                self._scan()
+        except DamageError as damage:
+            self._fail(damage)
+
+    def __enter__(self) -> 'McapFile':
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the file; batches handed out before stay valid."""
+        self._data = self._buffer = np.empty(0, np.uint8)
+        with contextlib.suppress(BufferError):  # a batch that looks into the map closes it later
+            self._map.close()
+
+    def metadata_record(self, name: str) -> dict[str, str]:
+        """Return the last metadata record of a name, empty if there is none."""
+        return next((values for key, values in reversed(self.metadata) if key == name), {})
+
+    def batches(self, channel_ids: Collection[int]) -> Iterator[MessageBatch]:
+        """Yield the messages of some channels chunk by chunk, in file order within a channel.
+
+        Only chunks that hold such messages are unpacked.
+
+        Raises
+        ------
+        LogError
+            If a chunk is damaged (its CRC does not match, it does not unpack) or its compression
+            is not known.
+        """
+        wanted = set(channel_ids)
+        for block in self._blocks:
+            held = block.index_offsets if block.offsets is None else block.offsets
+            if not wanted.intersection(held):
+                continue
+            try:
+                yield from self._block_batches(block, wanted)
+            except DamageError as damage:
+                self._fail(damage)
+
+    def _block_batches(self, block: _Block, wanted: set[int]) -> Iterator[MessageBatch]:
+        data = self._unpack_chunk(block) if block.length else self._data
+        offsets = self._indexed_offsets(block, wanted, data) if block.offsets is None else None
+        if offsets is None:
+            if block.offsets is None:  # the index of this chunk is wrong: look for ourselves
+                block.offsets = self._walk_chunk(block, data)
+            offsets = {key: block.offsets[key] for key in wanted if key in block.offsets}
+        for channel_id in sorted(offsets):
+            start = offsets[channel_id]
+            head = _gather(data, start, MESSAGE_HEAD)
+            body = start + MESSAGE_HEAD.itemsize
+            yield MessageBatch(
+                channel_id,
+                data,
+                body,
+                start + RECORD.size + head['length'].astype(np.int64),
+                head['log_time'].astype(np.int64),
+                head['publish_time'].astype(np.int64),
+            )
+
+    def _indexed_offsets(
+        self, block: _Block, wanted: set[int], data: Bytes
+    ) -> dict[int, Offsets] | None:
+        """Return record offsets by channel from the message indexes; None if one is wrong."""
+        found: dict[int, Offsets] = {}
+        for channel_id in wanted.intersection(block.index_offsets):
+            entries = self._message_index(block.index_offsets[channel_id], channel_id)
+            # The index is ordered by time, the file by arrival; arrival is what we promise.
+            entries = entries[np.argsort(entries['offset'], kind='stable')]
+            offset = entries['offset'].astype(np.int64)
+            room = data.size - MESSAGE_HEAD.itemsize
+            if offset.size == 0:
+                continue
+            if offset[0] < 0 or offset[-1] > room or (np.diff(offset) <= 0).any():
+                return None
+            head = _gather(data, offset, MESSAGE_HEAD)
+            length = head['length']
+            fits = (length >= 22) & (length <= (data.size - RECORD.size - offset).astype('u8'))
+            right = (
+                (head['opcode'] == MESSAGE)
+                & (head['channel'] == channel_id)
+                & (head['log_time'] == entries['log_time'])
+                & fits
+            )
+            if not right.all():
+                return None
+            found[channel_id] = offset
+        return found
+
+    def _message_index(self, at: int, channel_id: int) -> NDArray[np.void]:
+        opcode, length = self._record_at(at)
+        body = at + RECORD.size
+        if opcode != MESSAGE_INDEX or length < 6:
+            raise DamageError(at, 'expected a message index record')
+        channel, size = struct.unpack_from('<HI', self._map, body)
+        if channel != channel_id or size != length - 6 or size % 16:
+            raise DamageError(at, f'expected the message index of channel {channel_id}')
+        return np.frombuffer(self._map, INDEX_ENTRY, size // 16, body + 6)
+
+    def _unpack_chunk(self, block: _Block) -> Bytes:
+        """Return a chunk's records, unpacked into memory that the next chunk uses again."""
+        at = block.offset
+        opcode, length = RECORD.unpack_from(self._map, at)
+        if opcode != CHUNK or length + RECORD.size != block.length:
+            raise DamageError(
+                at,
+                f'expected a chunk of {block.length - RECORD.size} bytes as the index says, '
+                f'found a record 0x{opcode:02x} that claims {length}',
+            )
+        reader = RecordReader(self._map, at + RECORD.size, at + block.length)
+        reader.skip(16)
+        size, crc = reader.u64(), reader.u32()
+        compression = reader.text()
+        packed_size = reader.u64()
+        start = reader.at
+        if start + packed_size > reader.end:
+            raise DamageError(
+                at,
+                f'the chunk claims {packed_size} bytes of records, {reader.end - start} are there',
+            )
+        if compression not in ('', 'none', 'lz4', 'zstd'):
+            raise LogError(
+                f"{self.path}: byte {at}: chunk compression '{compression}' is not supported; "
+                'known: zstd, lz4, none'
+            )
+        if size > self.max_chunk_bytes:
+            raise LogError(
+                f'{self.path}: byte {at}: a chunk of {packed_size} bytes claims to unpack to '
+                f'{size} bytes; at most {self.max_chunk_bytes} are accepted'
+            )
+        packed = self._data[start : start + packed_size]
+        if self._buffer.size < size:
+            self._buffer = np.empty(size, np.uint8)
+        try:
+            data = unpack(compression, packed, self._buffer[:size])
+        except ValueError as error:
+            raise DamageError(at, f'the chunk does not unpack: {error}') from None
+        if crc and (found := zlib.crc32(data.data)) != crc:
+            raise DamageError(at, f'the chunk is damaged: CRC {found:08x}, stored {crc:08x}')
+        return data
+
+    def _record_at(self, at: int) -> tuple[int, int]:
+        if not len(MAGIC) <= at <= self.size - RECORD.size:
+            raise DamageError(at, f'no record there: the file has {self.size} bytes')
+        opcode, length = RECORD.unpack_from(self._map, at)
+        if length > self.size - at - RECORD.size:
+            raise DamageError(
+                at,
+                f'record 0x{opcode:02x} claims {length} bytes, '
+                f'{self.size - at - RECORD.size} are left in the file',
+            )
+        return opcode, length
+
+    def _check_magic(self) -> None:
+        start = bytes(self._map[:16])
+        if start.startswith(MAGIC):
+            return
+        for magic, name in OTHER_FORMATS.items():
+            if start.startswith(magic):
+                raise LogError(f'{self.path}: not an MCAP but {name}')
+        if start.startswith(MAGIC[:5]):
+            raise LogError(
+                f'{self.path}: byte 5: unsupported MCAP version {start[5:6]!r}; supported: 0'
+            )
+        raise LogError(
+            f'{self.path}: byte 0: not an MCAP: it begins with {start[:8].hex(" ")}, '
+            f'expected {MAGIC.hex(" ")}'
+        )
+
+    def _read_header(self) -> None:
+        opcode, length = self._record_at(len(MAGIC))
+        if opcode != HEADER:
+            raise DamageError(len(MAGIC), f'expected a header record, found 0x{opcode:02x}')
+        start = len(MAGIC) + RECORD.size
+        reader = RecordReader(self._map, start, start + length)
+        self.profile, self.library = reader.text(), reader.text()
+
+    def _open_indexed(self) -> bool:
+        """Take everything from the summary; False if there is none or it does not add up."""
+        if not self._closed_properly:
+            return False
+        footer_at = self.size - len(MAGIC) - FOOTER_RECORD.size
+        try:
+            opcode, length, start, _, crc = FOOTER_RECORD.unpack_from(self._map, footer_at)
+            if opcode != FOOTER or length != 20:
+                raise DamageError(footer_at, 'expected the footer record')
+            if start == 0:
+                return False
+            if not len(MAGIC) <= start <= footer_at:
+                raise DamageError(footer_at, f'the footer puts the summary at byte {start}')
+            stop = footer_at + FOOTER_RECORD.size - 4
+            if crc and zlib.crc32(self._data[start:stop].data) != crc:
+                raise DamageError(start, 'the summary does not match its CRC')
+            return self._take_summary(start, footer_at)
+        except DamageError as damage:
+            self.warnings.append(f'the index is damaged ({damage}): the whole file was read')
+            self._forget()
+            return False
+
+    def _take_summary(self, start: int, stop: int) -> bool:
+        expected: dict[int, int] | None = None
+        chunk_count = metadata_count = 0
+        blocks: dict[int, _Block] = {}
+        metadata_at: list[int] = []
+        for opcode, at, end in self._walk(start, stop, self._map):
+            reader = RecordReader(self._map, at, end)
+            if opcode in (SCHEMA, CHANNEL):
+                self._define(opcode, reader)
+            elif opcode == STATISTICS:
+                reader.skip(8 + 2 + 4 + 4)
+                metadata_count, chunk_count = reader.u32(), reader.u32()
+                reader.skip(16)
+                expected = dict(reader.pairs('<HQ'))
+            elif opcode == METADATA_INDEX:
+                metadata_at.append(reader.u64())
+            elif opcode == CHUNK_INDEX:
+                reader.skip(16)
+                offset, length = reader.u64(), reader.u64()
+                if not len(MAGIC) <= offset <= offset + length <= start:
+                    raise DamageError(at, f'the index puts a chunk at byte {offset}')
+                blocks[offset] = _Block(offset, length, index_offsets=dict(reader.pairs('<HQ')))
+        counts: dict[int, int] = {}
+        for block in blocks.values():
+            for channel_id, index_at in block.index_offsets.items():
+                size = self._message_index(index_at, channel_id).size
+                counts[channel_id] = counts.get(channel_id, 0) + size
+        expected = {key: n for key, n in expected.items() if n} if expected is not None else None
+        counts = {key: n for key, n in counts.items() if n}
+        complete = (
+            expected == counts
+            and chunk_count == len(blocks)
+            and metadata_count == len(metadata_at)
+            and all(key in self.channels for key in counts)
+            and all(
+                channel.schema_id == 0 or channel.schema_id in self.schemas
+                for channel in self.channels.values()
+            )
+        )
+        if not complete:  # chunks without index, messages outside chunks, a summary without copies
+            self._forget()
+            return False
+        self._blocks = [blocks[offset] for offset in sorted(blocks)]
+        self.message_counts = {key: counts.get(key, 0) for key in self.channels}
+        for at in metadata_at:
+            opcode, length = self._record_at(at)
+            if opcode != METADATA:
+                raise DamageError(at, 'expected a metadata record')
+            self._take_metadata(RecordReader(self._map, at + 9, at + 9 + length))
+        return True
+
+    def _scan(self) -> None:
+        """Read the whole file from front to back."""
+        loose: dict[int, list[int]] = {}
+        at = len(MAGIC)
+        stop = self.size - (len(MAGIC) if self._closed_properly else 0)
+        ended = False
+        try:
+            for opcode, body, end in self._walk(at, stop, self._map):
+                at = body - RECORD.size
+                reader = RecordReader(self._map, body, end)
+                if opcode == CHUNK:
+                    self._flush_loose(loose)
+                    block = _Block(at, end - at)
+                    block.offsets = self._walk_chunk(block, self._unpack_chunk(block))
+                    self._blocks.append(block)
+                elif opcode in (SCHEMA, CHANNEL):
+                    self._define(opcode, reader)
+                elif opcode == MESSAGE:
+                    loose.setdefault(_message_channel(reader), []).append(at)
+                elif opcode == METADATA:
+                    self._take_metadata(reader)
+                elif opcode == DATA_END:
+                    crc = reader.u32()
+                    if crc and zlib.crc32(self._data[:at].data) != crc:
+                        raise DamageError(at, 'the data section does not match its CRC')
+                    ended = True
+                    break
+                at = end
+            if not ended:
+                raise DamageError(at, 'the end of the data section is missing')
+            if not self._closed_properly:
+                self.warnings.append('the end of the file is missing; its messages are complete')
+        except DamageError as damage:
+            if self._closed_properly:
+                raise
+            # A recorder that was killed, or half a download: what comes before is sound.
+            self.warnings.append(
+                f'the recording was cut short: nothing could be read from byte {at} on '
+                f'({self.size - at} of {self.size} bytes; {damage})'
+            )
+        self._flush_loose(loose)
+        self.message_counts = dict.fromkeys(self.channels, 0)
+        for block in self._blocks:
+            for channel_id, offsets in (block.offsets or {}).items():
+                if channel_id not in self.channels:
+                    raise LogError(
+                        f'{self.path}: byte {block.offset}: messages of channel {channel_id}, '
+                        'which the file does not define'
+                    )
+                self.message_counts[channel_id] += offsets.size
+
+    def _flush_loose(self, loose: dict[int, list[int]]) -> None:
+        if loose:
+            table = {key: np.asarray(offsets, np.int64) for key, offsets in loose.items()}
+            self._blocks.append(_Block(min(int(o[0]) for o in table.values()), offsets=table))
+            loose.clear()
+
+    def _walk_chunk(self, block: _Block, data: Bytes) -> dict[int, Offsets]:
+        """Return record offsets by channel of an unpacked chunk; take its definitions."""
+        offsets: dict[int, list[int]] = {}
+        view = data.data
+        try:
+            for opcode, body, end in self._walk(0, data.size, view):
+                if opcode == MESSAGE:
+                    channel = _message_channel(RecordReader(view, body, end))
+                    offsets.setdefault(channel, []).append(body - RECORD.size)
+                elif opcode in (SCHEMA, CHANNEL):
+                    self._define(opcode, RecordReader(view, body, end))
+        except DamageError as damage:
+            raise DamageError(block.offset, f'inside the chunk, {damage}') from None
+        return {key: np.asarray(values, np.int64) for key, values in offsets.items()}
+
+    @staticmethod
+    def _walk(at: int, stop: int, data: memoryview | mmap.mmap) -> Iterator[tuple[int, int, int]]:
+        """Yield opcode, start and end of each record's content between two bytes."""
+        unpack_from = RECORD.unpack_from
+        while at < stop:
+            if stop - at < RECORD.size:
+                raise DamageError(at, f'{stop - at} bytes are too few for a record')
+            opcode, length = unpack_from(data, at)
+            body = at + 9
+            if opcode == 0:
+                raise DamageError(at, 'expected a record, found zeros')
+            if length > stop - body:
+                raise DamageError(
+                    at, f'record 0x{opcode:02x} claims {length} bytes, {stop - body} follow'
+                )
+            at = body + length
+            yield opcode, body, at
+
+    def _define(self, opcode: int, reader: 'RecordReader') -> None:
+        if opcode == SCHEMA:
+            id_ = reader.u16()
+            schema = Schema(id_, reader.text(), reader.text(), reader.blob())
+            if self.schemas.setdefault(id_, schema) != schema:
+                raise DamageError(reader.at, f'schema {id_} is defined twice and differently')
+        else:
+            id_, schema_id = reader.u16(), reader.u16()
+            channel = Channel(id_, schema_id, reader.text(), reader.text(), reader.text_map())
+            if self.channels.setdefault(id_, channel) != channel:
+                raise DamageError(reader.at, f'channel {id_} is defined twice and differently')
+
+    def _take_metadata(self, reader: 'RecordReader') -> None:
+        self.metadata.append((reader.text(), reader.text_map()))
+
+    def _forget(self) -> None:
+        self.schemas, self.channels, self._blocks = {}, {}, []
+        self.message_counts, self.metadata = {}, []
+
+    def _fail(self, damage: DamageError) -> NoReturn:
+        raise LogError(f'{self.path}: {damage}') from None
+
+
+def _message_channel(reader: RecordReader) -> int:
+    if reader.end - reader.at < 22:
+        raise DamageError(reader.at - RECORD.size, 'a message record is too short')
+    return reader.u16()
+
+
+def _gather(data: Bytes, offsets: Offsets, dtype: np.dtype[np.void]) -> NDArray[np.void]:
+    """Return the structs at byte offsets; one copy per row, whatever the number of fields."""
+    room = data.size - dtype.itemsize + 1
+    rows = np.ndarray((room,), f'V{dtype.itemsize}', data, strides=(1,))
+    return rows[offsets].view(dtype)

@@ -1,0 +1,171 @@
+"""Recordings that other tools can read: MCAP with ROS 2 messages and their definitions.
+
+A recorder that is killed leaves a readable file: chunks are small and reach the disk at least
+every half second while messages come in.
+"""
+
+import threading
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+
+from mcap.writer import CompressionType, Writer
+
+from ..errors import InputError
+from .messages import schema_text
+
+MAX_CHUNK_BYTES = 60_000
+FLUSH_EVERY_S = 0.5
+
+_FOREVER = '{sec: 9223372036, nsec: 854775807}'
+
+
+def _qos(depth: int, durability: str) -> str:
+    """Return a reliable QoS profile as rosbag2 keeps it."""
+    return (
+        '- history: keep_last\n'
+        f'  depth: {depth}\n'
+        '  reliability: reliable\n'
+        f'  durability: {durability}\n'
+        f'  deadline: {_FOREVER}\n'
+        f'  lifespan: {_FOREVER}\n'
+        '  liveliness: automatic\n'
+        f'  liveliness_lease_duration: {_FOREVER}\n'
+        '  avoid_ros_namespace_conventions: false\n'
+    )
+
+
+class McapRecorder:
+    """Writes CDR messages to an MCAP file; a context manager.
+
+    An existing file of that name is replaced. Leaving the context finishes the file, after an
+    error too.
+
+    Parameters
+    ----------
+    path : path
+    metadata : mapping of str to str
+        Kept in a metadata record `flightdyn` at the beginning of the file: `vehicle`, `model`,
+        `problem`, and `origin_lat`, `origin_lon` [deg], `origin_altitude` [m] of the local frame.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be created there.
+    """
+
+    def __init__(self, path: str | Path, metadata: Mapping[str, str] | None = None) -> None:
+        self.path = Path(path)
+        if not self.path.parent.is_dir():
+            raise InputError(f'cannot record to {path}: there is no folder {self.path.parent}')
+        try:
+            self._stream = self.path.open('wb')
+        except OSError as error:
+            raise InputError(f'cannot record to {path}: {error.strerror or error}') from None
+        self._lock = threading.Lock()
+        self._writer = Writer(
+            self._stream, chunk_size=MAX_CHUNK_BYTES, compression=CompressionType.ZSTD
+        )
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, tuple[int, str]] = {}
+        self._sequence: dict[int, int] = {}
+        self._flushed = time.monotonic()
+        self._finished = False
+        self._writer.start(profile='ros2', library='flightdyn')
+        self._writer.add_metadata('flightdyn', dict(metadata or {}))
+        self._writer.flush()  # type: ignore[no-untyped-call]
+
+    def __enter__(self) -> 'McapRecorder':
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.finish()
+
+    def write(
+        self,
+        topic: str,
+        msgtype: str,
+        cdr: bytes | memoryview,
+        log_time_ns: int,
+        publish_time_ns: int | None = None,
+    ) -> None:
+        """Record one message; may be called from any thread.
+
+        Parameters
+        ----------
+        topic : str
+        msgtype : str
+            `pkg/msg/Type`, one of the standard types or of flightdyn_msgs.
+        cdr : bytes
+            The message, encapsulation word included.
+        log_time_ns, publish_time_ns : int
+            Unix time [ns]; the publish time is the log time if omitted.
+
+        Raises
+        ------
+        InputError
+            If the type is not known, the topic has another type already, the time is negative
+            or the recording is finished.
+        """
+        if log_time_ns < 0:
+            raise InputError(f'cannot record a message at {log_time_ns} ns: before 1970')
+        with self._lock:
+            if self._finished:
+                raise InputError(f'the recording {self.path} is finished')
+            channel = self._channel(topic, msgtype)
+            self._sequence[channel] += 1
+            self._writer.add_message(
+                channel,
+                log_time_ns,
+                bytes(cdr),
+                log_time_ns if publish_time_ns is None else publish_time_ns,
+                self._sequence[channel],
+            )
+            if time.monotonic() - self._flushed >= FLUSH_EVERY_S:
+                self._flush()
+
+    def flush(self) -> None:
+        """Write everything so far to the file; for a timer, when messages may stop coming."""
+        with self._lock:
+            if not self._finished:
+                self._flush()
+
+    def finish(self) -> None:
+        """Write the index and close the file; nothing if that is done already."""
+        with self._lock:
+            if not self._finished:
+                self._finished = True
+                try:
+                    self._writer.finish()  # type: ignore[no-untyped-call]
+                finally:
+                    self._stream.close()
+
+    def _flush(self) -> None:
+        self._writer.flush()  # type: ignore[no-untyped-call]
+        self._flushed = time.monotonic()
+
+    def _channel(self, topic: str, msgtype: str) -> int:
+        if topic in self._channels:
+            channel, known = self._channels[topic]
+            if known != msgtype:
+                raise InputError(f'topic {topic} is recorded as {known}, not as {msgtype}')
+            return channel
+        if msgtype not in self._schemas:
+            text = schema_text(msgtype)
+            self._schemas[msgtype] = self._writer.register_schema(
+                msgtype, 'ros2msg', text.encode()
+            )
+        latched = msgtype == 'flightdyn_msgs/msg/Trajectory'
+        qos = _qos(1, 'transient_local') if latched else _qos(10, 'volatile')
+        channel = self._writer.register_channel(
+            topic, 'cdr', self._schemas[msgtype], {'offered_qos_profiles': qos}
+        )
+        self._channels[topic] = (channel, msgtype)
+        self._sequence[channel] = 0
+        return channel

@@ -1,0 +1,339 @@
+"""Position sources of a log: which there are, and the track that one of them measured.
+
+What a topic holds is told by its schema and the fields in it, not by the topic's name. Of several
+usable sources these come first:
+
+- in flightdyn's own recordings: Odometry (it has velocity and attitude), VehicleState, then
+  fixes;
+- in any other log: fixes (they say where on earth), Odometry, then VehicleState;
+- among equals the one with more messages, then the topic first in the alphabet.
+
+Sources are never merged.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..environment.geodesy import GeodeticPoint
+from ..errors import InputError, LogError
+from . import location_fix
+from .definitions import full_name
+from .mcap_columns import Columns, make_decoder, read_columns
+from .mcap_container import McapFile
+from .measurements import (
+    FIX_FIELDS,
+    LOCATION_FIX_FIELDS,
+    ODOMETRY_FIELDS,
+    VEHICLE_STATE_FIELDS,
+    Measured,
+    fix_measurements,
+    odometry_measurements,
+    vehicle_state_measurements,
+    with_checked_velocity,
+)
+from .timeline import Rows, arrange, choose_clock
+from .track import Datum, Track
+
+METADATA_NAME = 'flightdyn'
+"""Name of the metadata record in flightdyn's own recordings."""
+
+Reader = Callable[[Columns, Rows, list[str]], Measured]
+
+
+@dataclass(frozen=True)
+class _Kind:
+    name: str
+    fields: tuple[str, ...]
+    measure: Reader
+
+
+_KINDS = {
+    'sensor_msgs/msg/NavSatFix': _Kind('fix', FIX_FIELDS, fix_measurements),
+    'foxglove_msgs/msg/LocationFix': _Kind('fix', LOCATION_FIX_FIELDS, fix_measurements),
+    'nav_msgs/msg/Odometry': _Kind('odometry', ODOMETRY_FIELDS, odometry_measurements),
+    'flightdyn_msgs/msg/VehicleState': _Kind(
+        'vehicle_state', VEHICLE_STATE_FIELDS, vehicle_state_measurements
+    ),
+}
+_LOCATION_FIX = _Kind('fix', LOCATION_FIX_FIELDS, fix_measurements)
+_ORDER = ('fix', 'odometry', 'vehicle_state')
+_OWN_ORDER = ('odometry', 'vehicle_state', 'fix')
+
+_TOPICS_SHOWN = 12  # an error is one line
+
+USABLE = (
+    'sensor_msgs/NavSatFix, nav_msgs/Odometry, flightdyn_msgs/VehicleState (ROS 2, CDR), '
+    'foxglove.LocationFix (CDR, JSON, protobuf)'
+)
+
+
+@dataclass(frozen=True)
+class Source:
+    """A topic of a log, and what it can serve as.
+
+    Parameters
+    ----------
+    topic, schema, encoding : str
+        `schema` is empty if the topic has none.
+    kind : str
+        'fix', 'odometry' or 'vehicle_state'; empty if it is no position source.
+    messages : int
+    usable : bool
+    rank : int
+        0 for what `read_track` takes by itself; -1 if not usable.
+    note : str
+        Why it is not usable.
+    channels : tuple of int
+        Ids of its channels in the file.
+    """
+
+    topic: str
+    schema: str
+    encoding: str
+    kind: str
+    messages: int
+    usable: bool
+    rank: int = -1
+    note: str = ''
+    channels: tuple[int, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything but the channel ids, for JSON."""
+        values = asdict(self)
+        del values['channels']
+        return values
+
+
+class _NothingUsableError(Exception):
+    """A source turned out to hold no sample that can be used."""
+
+
+def list_sources(log: McapFile | str | Path) -> list[Source]:
+    """Return the topics of a log: usable position sources first, best first.
+
+    Parameters
+    ----------
+    log : McapFile or path
+
+    Raises
+    ------
+    LogError
+        If the file cannot be read.
+    """
+    if not isinstance(log, McapFile):
+        with McapFile(log) as opened:
+            return list_sources(opened)
+    grouped: dict[tuple[str, int, str], list[int]] = {}
+    for channel in log.channels.values():
+        key = (channel.topic, channel.schema_id, channel.message_encoding)
+        grouped.setdefault(key, []).append(channel.id)
+    found = [_describe(log, *key, tuple(ids)) for key, ids in grouped.items()]
+    order = _OWN_ORDER if log.metadata_record(METADATA_NAME) else _ORDER
+
+    def place(source: Source) -> tuple[bool, int, int, str]:
+        kind = order.index(source.kind) if source.usable else len(order)
+        return (not source.usable, kind, -source.messages if source.usable else 0, source.topic)
+
+    found.sort(key=place)
+    return [replace(s, rank=i if s.usable else -1) for i, s in enumerate(found)]
+
+
+def _describe(
+    log: McapFile, topic: str, schema_id: int, encoding: str, ids: tuple[int, ...]
+) -> Source:
+    messages = sum(log.message_counts[key] for key in ids)
+    schema = log.schemas.get(schema_id)
+    name = schema.name if schema else ''
+    source = Source(topic, name, encoding, '', messages, usable=False, channels=ids)
+    if schema is None:
+        lacks = f'has schema id {schema_id}, which is not in the file'
+        return replace(source, note=lacks if schema_id else 'has no schema')
+    kind: _Kind | None
+    if encoding == 'cdr':
+        kind = _KINDS.get(full_name(schema.name))
+        if kind is None:
+            return replace(source, note='not a position, or not readable yet')
+        try:
+            make_decoder(schema, kind.fields)
+        except LogError as error:
+            return replace(source, kind=kind.name, note=str(error))
+    else:
+        kind = _LOCATION_FIX if schema.name == 'foxglove.LocationFix' else None
+        if kind is None or not location_fix.readable(schema, encoding):
+            return replace(
+                source, note=f"message encoding '{encoding}' of {schema.name} is not readable yet"
+            )
+    if messages == 0:
+        return replace(source, kind=kind.name, note='has no messages')
+    return replace(source, kind=kind.name, usable=True)
+
+
+def read_track(
+    path: str | Path,
+    source: str | None = None,
+    start: float | None = None,
+    end: float | None = None,
+) -> Track:
+    """Return what the best position source of a log measured, or a chosen one.
+
+    Parameters
+    ----------
+    path : path
+        An MCAP file.
+    source : str, optional
+        Topic to read; omitted: the first of `list_sources` that has usable samples.
+    start, end : float, optional
+        Seconds since the source's first usable sample.
+
+    Raises
+    ------
+    LogError
+        If the file is damaged, has no (such) usable source, or fewer than two usable samples.
+    """
+    if start is not None and end is not None and not start < end:
+        raise InputError(f'start {start:g} s must be before end {end:g} s')
+    with McapFile(path) as log:
+        known = list_sources(log)
+        usable = [s for s in known if s.usable]
+        candidates = usable if source is None else _named(log, known, source)
+        if not candidates:
+            raise LogError(
+                f'{path}: no usable position source. Topics: {_topics(known)}. '
+                f'Usable would be: {USABLE}'
+            )
+        failures: list[str] = []
+        for candidate in candidates:
+            notes = list(failures)
+            others = [s.topic for s in usable if s.topic != candidate.topic]
+            if source is None and others:
+                notes.append(
+                    f'{candidate.topic} was taken of {len(usable)} usable sources; '
+                    f'others: {", ".join(others)}'
+                )
+            try:
+                return _read(log, candidate, start, end, notes)
+            except _NothingUsableError as nothing:
+                failures.append(str(nothing))
+        raise LogError(f'{path}: {"; ".join(failures)}')
+
+
+def _named(log: McapFile, known: Sequence[Source], topic: str) -> list[Source]:
+    named = [s for s in known if s.topic == topic]
+    if not named:
+        raise LogError(f"{log.path}: no topic '{topic}'. Topics: {_topics(known)}")
+    usable = [s for s in named if s.usable]
+    if not usable:
+        raise LogError(
+            f'{log.path}: topic {topic} ({named[0].schema or "no schema"}) cannot be used: '
+            f'{named[0].note}. Topics: {_topics(known)}. Usable would be: {USABLE}'
+        )
+    return usable
+
+
+def _topics(known: Sequence[Source]) -> str:
+    shown = []
+    for s in known[:_TOPICS_SHOWN]:
+        why = f': {s.note}' if s.note and (s.kind or not s.schema) else ''
+        shown.append(f'{s.topic} ({s.schema or s.encoding}{why})')
+    if len(known) > _TOPICS_SHOWN:
+        shown.append(f'and {len(known) - _TOPICS_SHOWN} more')
+    return ', '.join(shown) or 'none'
+
+
+def _read(
+    log: McapFile, source: Source, start: float | None, end: float | None, notes: list[str]
+) -> Track:
+    warnings = [*log.warnings, *notes]
+    schema = log.schemas[log.channels[source.channels[0]].schema_id]
+    if source.encoding == 'cdr':
+        kind = _KINDS[full_name(schema.name)]
+        columns = read_columns(log, source.channels, kind.fields)
+        if not schema.data.strip():
+            warnings.append(f'schema {schema.name} has no text: the standard definition was used')
+    else:
+        kind = _LOCATION_FIX
+        columns = location_fix.read_columns(log, source.channels)
+    rows = Rows(np.zeros(len(columns), np.uint8))
+    for code, why in enumerate(columns.fault_names):
+        if code:
+            rows.drop(columns.fault == code, why)
+    measured = kind.measure(columns, rows, warnings)
+    time = choose_clock(measured.stamp, columns.log_time, rows, warnings)
+    if rows.used.size == 0:
+        raise _NothingUsableError(_nothing(source, rows))
+    index, segment = arrange(time, rows, warnings)
+    base = time[index[0]]
+    chosen = _between(time - base, start, end)
+    picked = chosen[index]
+    index, segment = index[picked], segment[picked]
+    if index.size < 2:
+        if start is not None or end is not None:
+            span = (time[rows.used].max() - base) * 1e-9
+            raise LogError(
+                f'{log.path}: {source.topic} has {index.size} usable samples in the range asked '
+                f'for; it runs from 0 s to {span:g} s'
+            )
+        raise _NothingUsableError(_nothing(source, rows))
+    _, segment = np.unique(segment, return_inverse=True)
+    own = log.metadata_record(METADATA_NAME)
+    origin = recorded_origin(own, warnings) if measured.position_ned is not None else None
+    track = Track(
+        time_ns=time[index],
+        segment=segment.astype(np.int64),
+        origin=origin,
+        altitude_datum=_datum(source, measured, origin, warnings),
+        file=str(log.path),
+        source=source.topic,
+        schema=source.schema,
+        messages=int(chosen.sum()),
+        dropped=rows.counts(chosen),
+        warnings=warnings,
+        **{name: column[index] for name, column in measured.columns().items()},
+    )
+    return with_checked_velocity(track)
+
+
+def _nothing(source: Source, rows: Rows) -> str:
+    counts = rows.counts(np.ones(rows.reason.size, bool))
+    reasons = ', '.join(f'{number} {why}' for why, number in counts.items()) or 'nothing dropped'
+    return (
+        f'{source.topic} has {rows.used.size} usable of {source.messages} messages ({reasons}); '
+        'motion needs at least two at different times'
+    )
+
+
+def _between(elapsed_ns: Any, start: float | None, end: float | None) -> Any:
+    chosen = np.ones(elapsed_ns.size, bool)
+    if start is not None:
+        chosen &= elapsed_ns >= start * 1e9
+    if end is not None:
+        chosen &= elapsed_ns <= end * 1e9
+    return chosen
+
+
+def recorded_origin(own: dict[str, str], warnings: list[str]) -> GeodeticPoint | None:
+    """Return the local frame's origin out of a recording's metadata, None if it has none."""
+    keys = ('origin_lat', 'origin_lon', 'origin_altitude')
+    if not all(key in own for key in keys):
+        return None
+    try:
+        return GeodeticPoint(*(float(own[key]) for key in keys))
+    except (ValueError, InputError) as error:
+        warnings.append(f'the origin in the recording is not usable: {error}')
+        return None
+
+
+def _datum(
+    source: Source, measured: Measured, origin: GeodeticPoint | None, warnings: list[str]
+) -> Datum:
+    if measured.position_ned is not None:
+        return 'ellipsoid' if origin else 'local'
+    # ArduPilot's DDS client puts mean sea level into NavSatFix, against the message's definition.
+    if source.topic.startswith('/ap/navsat'):
+        warnings.append(f'{source.topic} is ArduPilot: its altitude is above mean sea level')
+        return 'msl'
+    return 'ellipsoid'

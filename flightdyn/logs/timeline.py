@@ -1,0 +1,126 @@
+"""Order in time of what a log holds: which clock, what came late or twice, where it breaks off."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Times = NDArray[np.int64]
+
+MIN_GAP_S = 10.0
+GAP_IN_MEDIANS = 10.0
+"""A pause longer than both begins a new segment; nothing is drawn or smoothed across it."""
+
+
+@dataclass
+class Rows:
+    """Which messages are used and why the others are not.
+
+    Parameters
+    ----------
+    reason : uint8 array (n,)
+        0 where a message is used, else an index into `names`.
+    """
+
+    reason: NDArray[np.uint8]
+    names: list[str] = field(default_factory=lambda: [''])
+
+    def drop(self, bad: NDArray[np.bool_], why: str) -> None:
+        """Drop messages that are not dropped already."""
+        bad = bad & (self.reason == 0)
+        if bad.any():
+            if why not in self.names:
+                self.names.append(why)
+            self.reason[bad] = self.names.index(why)
+
+    @property
+    def used(self) -> NDArray[np.intp]:
+        """Indices of the messages that are used."""
+        return np.flatnonzero(self.reason == 0)
+
+    def counts(self, among: NDArray[np.bool_]) -> dict[str, int]:
+        """Return how many messages were dropped, by reason."""
+        numbers = np.bincount(self.reason[among], minlength=len(self.names))
+        return {
+            name: int(number)
+            for name, number in zip(self.names[1:], numbers[1:], strict=False)
+            if number
+        }
+
+
+def choose_clock(stamp: Times, log_time: Times, rows: Rows, warnings: list[str]) -> Times:
+    """Return the time of each message: its header's stamp where drivers fill it, else log time.
+
+    Parameters
+    ----------
+    stamp, log_time : int array (n,)
+        Nanoseconds; a stamp that makes no sense is below zero.
+    rows : Rows
+        Messages without a stamp are dropped if most others have one.
+    warnings : list of str
+        Gets a sentence if the stamps are not used.
+    """
+    used = rows.used
+    if used.size == 0:
+        return log_time
+    unset = (stamp < 0) | ((stamp == 0) & (log_time != 0))
+    if unset[used].mean() > 0.5:
+        warnings.append('header stamps are not set: times are those of the recorder')
+        return log_time
+    frozen = used.size > 1 and np.ptp(stamp[used]) == 0
+    if frozen and np.ptp(log_time[used]) > 0:
+        warnings.append('header stamps never change: times are those of the recorder')
+        return log_time
+    rows.drop(unset, 'no time stamp')
+    return stamp
+
+
+def arrange(
+    time: Times, rows: Rows, warnings: list[str]
+) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
+    """Return the used messages in order of time and the segment of each.
+
+    Messages stay in the order of the file, which is the true one when a clock steps back; only
+    neighbours that changed places on the way are put right. Repeated times are dropped.
+
+    Returns
+    -------
+    index : int array (m,)
+        Into `time`.
+    segment : int array (m,)
+    """
+    index = rows.used
+    index = _swap_late(time, index, warnings)
+    repeated = np.zeros(time.size, bool)
+    repeated[index[1:][time[index[1:]] == time[index[:-1]]]] = True
+    rows.drop(repeated, 'repeated time')
+    index = index[~repeated[index]]
+    step = np.diff(time[index])
+    forward = step[step > 0]
+    limit = MIN_GAP_S * 1e9
+    if forward.size:
+        limit = max(limit, GAP_IN_MEDIANS * float(np.median(forward)))
+    backwards = step < 0
+    if backwards.any():
+        at = int(np.argmax(backwards))
+        warnings.append(
+            f'time steps back {int(backwards.sum())} times, first by {-step[at] * 1e-9:g} s '
+            f'after message {index[at]}: each begins a new segment'
+        )
+    segment = np.concatenate(([0], np.cumsum(backwards | (step > limit)))).astype(np.int64)
+    return index, segment[: index.size]
+
+
+def _swap_late(time: Times, index: NDArray[np.intp], warnings: list[str]) -> NDArray[np.intp]:
+    t = time[index]
+    if t.size < 3:
+        return index
+    late = np.zeros(t.size, bool)  # sample i belongs between i - 2 and i - 1
+    late[2:-1] = (t[2:-1] < t[1:-2]) & (t[2:-1] > t[:-3]) & (t[3:] > t[1:-2])
+    where = np.flatnonzero(late)
+    if where.size == 0:
+        return index
+    warnings.append(f'{where.size} messages came one late and were put in order')
+    index = index.copy()
+    index[where], index[where - 1] = index[where - 1], index[where].copy()
+    return index

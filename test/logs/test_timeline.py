@@ -1,0 +1,76 @@
+"""Which messages are used, in what order and where they break off."""
+
+import numpy as np
+from numpy.testing import assert_array_equal
+
+from flightdyn.logs.timeline import Rows, arrange, choose_clock
+
+S = 10**9
+
+
+def sorted_out(seconds: list[float]) -> tuple[list[int], list[int], dict[str, int], list[str]]:
+    time = np.round(np.array(seconds) * S).astype(np.int64)
+    rows, warnings = Rows(np.zeros(time.size, np.uint8)), []
+    index, segment = arrange(time, rows, warnings)
+    return index.tolist(), segment.tolist(), rows.counts(np.ones(time.size, bool)), warnings
+
+
+def test_repeated_times_are_dropped_and_counted() -> None:
+    index, segment, dropped, _ = sorted_out([0, 1, 1, 1, 2, 3, 3])
+    assert index == [0, 1, 4, 5]
+    assert segment == [0] * 4
+    assert dropped == {'repeated time': 3}
+
+
+def test_a_step_back_begins_a_segment_and_interleaves_nothing() -> None:
+    index, segment, _, warnings = sorted_out([0, 1, 2, 3, 4, 1.5, 2.5, 3.5, 4.5, 5.5])
+    assert index == list(range(10))
+    assert segment == [0] * 5 + [1] * 5
+    assert 'steps back 1 times, first by 2.5 s after message 4' in warnings[0]
+
+
+def test_neighbours_that_changed_places_are_put_right() -> None:
+    index, segment, dropped, warnings = sorted_out([0, 1, 3, 2, 4, 5])
+    assert index == [0, 1, 3, 2, 4, 5]
+    assert segment == [0] * 6
+    assert dropped == {}
+    assert 'came one late' in warnings[0]
+
+
+def test_a_gap_is_longer_than_ten_seconds_and_ten_samples() -> None:
+    assert sorted_out([0, 1, 2, 12, 13])[1] == [0] * 5  # 10 s: not longer
+    assert sorted_out([0, 1, 2, 12.1, 13])[1] == [0, 0, 0, 1, 1]
+    slow = [0, 8, 16, 24, 100, 108, 116]  # 76 s is less than ten times 8 s
+    assert sorted_out(slow)[1] == [0] * 7
+
+
+def test_stamps_are_used_where_drivers_fill_them() -> None:
+    log = np.arange(5, dtype=np.int64) * S + 10 * S
+    for stamp, expected, note in (
+        (log - 3 * S, log - 3 * S, None),
+        (np.zeros(5, np.int64), log, 'not set'),
+        (np.full(5, 7 * S), log, 'never change'),
+        (np.full(5, -1), log, 'not set'),
+    ):
+        warnings: list[str] = []
+        rows = Rows(np.zeros(5, np.uint8))
+        assert_array_equal(choose_clock(stamp, log, rows, warnings), expected)
+        assert rows.used.size == 5
+        assert (note is None) == (not warnings)
+        assert note is None or note in warnings[0]
+
+
+def test_a_single_missing_stamp_drops_one_message() -> None:
+    log = np.arange(5, dtype=np.int64) * S + 10 * S
+    stamp = log - S
+    stamp[2] = 0
+    rows = Rows(np.zeros(5, np.uint8))
+    choose_clock(stamp, log, rows, [])
+    assert rows.used.tolist() == [0, 1, 3, 4]
+
+
+def test_a_run_that_starts_at_zero_keeps_its_first_sample() -> None:
+    log = np.arange(5, dtype=np.int64) * S
+    rows = Rows(np.zeros(5, np.uint8))
+    choose_clock(log.copy(), log, rows, [])
+    assert rows.used.size == 5
