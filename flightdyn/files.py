@@ -10,7 +10,7 @@ from .errors import InputError
 
 
 @contextmanager
-def written_whole(path: str | Path) -> Iterator[Path]:
+def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give a temporary path beside `path`, which takes its place when the block ends well.
 
     The temporary file keeps the suffix, so that writers which look at it do the same.
@@ -37,7 +37,7 @@ def written_whole(path: str | Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def check_writable(path: str | Path) -> None:
+def check_writable(path: str | os.PathLike[str]) -> None:
     """Raise InputError if a file cannot be written at `path`."""
     path = Path(path)
     folder = path.parent

@@ -5,7 +5,6 @@ FLU, and every angle in a message is in radians.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 
 from .. import frames
 from ..environment.geodesy import geodetic_from_ned
-from ..errors import InputError, LogError
+from ..errors import InputError
 from ..resources import message_files
 from ..trajectory import Columns, Trajectory, columns_of
 
@@ -29,7 +28,7 @@ TRAJECTORY = 'flightdyn_msgs/msg/Trajectory'
 ODOMETRY = 'nav_msgs/msg/Odometry'
 NAV_SAT_FIX = 'sensor_msgs/msg/NavSatFix'
 
-_DEGREES = ('alpha', 'beta')  # in degrees in Python, as the project's names have it
+DEGREES = ('alpha', 'beta')  # in degrees in Python, as the project's names have it
 
 
 @cache
@@ -137,7 +136,7 @@ def kinematics(trajectory: Trajectory) -> Columns:
     def get(name: str, default: Array = zero) -> Array:
         if name not in trajectory:
             return default
-        return np.radians(trajectory[name]) if name in _DEGREES else trajectory[name]
+        return np.radians(trajectory[name]) if name in DEGREES else trajectory[name]
 
     alpha, beta = get('alpha', unknown), get('beta', unknown)
     if any(name in trajectory for name in ('phi', 'theta', 'psi')):
@@ -306,7 +305,7 @@ def trajectory_from_message(message: Any) -> Trajectory:
                 f'{len(names)} names'
             )
         columns = columns_of(names, values.reshape(time.size, len(names))) if names else {}
-        for name in set(_DEGREES).intersection(columns):
+        for name in set(DEGREES).intersection(columns):
             columns[name] = np.degrees(columns[name])
         groups[f'{group}s'] = columns
     stamp = message.header.stamp
@@ -321,43 +320,11 @@ def trajectory_from_message(message: Any) -> Trajectory:
     )
 
 
-def read_plans(path: str | Path) -> list[Trajectory]:
-    """Return the trajectories that are recorded as messages in a log, in their order.
-
-    Raises
-    ------
-    LogError
-        If the file cannot be read or a message is damaged.
-    """
-    from rosbags.serde import SerdeError
-
-    from .mcap_container import McapFile
-    from .sources import METADATA_NAME, recorded_origin
-
-    plans: list[Trajectory] = []
-    with McapFile(path) as log:
-        origin = recorded_origin(log.metadata_record(METADATA_NAME), log.warnings)
-        for channel in log.channels.values():
-            schema = log.schemas.get(channel.schema_id)
-            if schema is None or schema.name != TRAJECTORY or channel.message_encoding != 'cdr':
-                continue
-            for batch in log.batches([channel.id]):
-                for start, end in zip(batch.start, batch.end, strict=True):
-                    try:
-                        message = typestore().deserialize_cdr(
-                            batch.data[start:end].tobytes(), TRAJECTORY
-                        )
-                    except SerdeError as error:
-                        raise LogError(f'{path}: topic {channel.topic}: {error}') from None
-                    plans.append(replace(trajectory_from_message(message), origin=origin))
-    return plans
-
-
 def _table(columns: Columns, rows: int) -> Array:
     if not columns:
         return np.zeros((rows, 0))
     return np.stack(
-        [np.radians(v) if name in _DEGREES else v for name, v in columns.items()], axis=1
+        [np.radians(v) if name in DEGREES else v for name, v in columns.items()], axis=1
     )
 
 

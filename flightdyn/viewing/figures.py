@@ -11,7 +11,7 @@ from ..errors import InputError, MissingExtraError
 from ..files import written_whole
 from ..trajectory import Trajectory
 from .flip_figure import flip_figure as flip_figure
-from .kinematics import Motion, motion_of, position_at
+from .kinematics import Motion, motion_of, pose_at
 from .plotting import COLORS, draw_columns, new_figure, style, title_of
 from .quantities import unit_of
 from .scenery import speed_range
@@ -143,7 +143,7 @@ def comparison_figure(
             if name == 'planned':
                 continue
             then = run.time - _offset(run, planned)
-            meant, inside = position_at(plan, then)
+            meant, _, inside = pose_at(plan, then)
             error = (motion.position - meant)[inside]
             label = 'distance' if len(runs) == 2 else name
             apart.plot(t[inside], np.linalg.norm(error, axis=1), color=color, ls=line, label=label)

@@ -162,19 +162,34 @@ def lat_lon_of(trajectory: Trajectory) -> Array | None:
     return np.column_stack([lat, lon])
 
 
-def position_at(motion: Motion, t: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return positions (m, 3) at times [s], linear between samples, and where they are known.
+def pose_at(motion: Motion, t: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return positions (m, 3) and attitudes (m, 4) at times [s], and where they are known.
 
-    Nothing is known before, after and between the segments.
+    Positions are cubic Hermite between samples, with the velocity at both: a straight line would
+    show a distance to a curved plan that is not there. Attitudes go the short way, at a rate that
+    is nearly even. Nothing is known before, after and between the segments.
     """
     position, known = np.zeros((len(t), 3)), np.zeros(len(t), bool)
+    attitude = np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
     for part in motion.segments:
         time = motion.time[part]
         inside = (t >= time[0]) & (t <= time[-1])
         known |= inside
-        for i in range(3):
-            position[inside, i] = np.interp(t[inside], time, motion.position[part, i])
-    return position, known
+        before = np.clip(np.searchsorted(time, t[inside], side='right') - 1, 0, len(time) - 1)
+        after = np.minimum(before + 1, len(time) - 1)
+        step = (time[after] - time[before])[:, None]
+        elapsed = (t[inside] - time[before])[:, None]
+        s = np.divide(elapsed, step, out=np.zeros_like(step), where=step > 0)
+        x, v, q = motion.position[part], motion.velocity[part], motion.attitude[part]
+        position[inside] = (
+            (1 + 2 * s) * (1 - s) ** 2 * x[before]
+            + s**2 * (3 - 2 * s) * x[after]
+            + s * (1 - s) * step * ((1 - s) * v[before] - s * v[after])
+        )
+        turned = np.where((q[before] * q[after]).sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
+        mixed = (1 - s) * q[before] + s * turned * q[after]
+        attitude[inside] = mixed / np.linalg.norm(mixed, axis=1, keepdims=True)
+    return position, attitude, known
 
 
 def _position(trajectory: Trajectory, origin: GeodeticPoint | None) -> Array:

@@ -16,7 +16,7 @@ from ..trajectory import Trajectory
 from . import scenery
 from .blueprint import Layout, flight_blueprint
 from .events import Event, flight_events, flight_figures, summary_markdown
-from .kinematics import Motion, lat_lon_of, motion_of, position_at, thinned
+from .kinematics import Motion, lat_lon_of, motion_of, pose_at, thinned
 from .meshes import Mesh, mesh_for
 from .quantities import Group, Series, plot_groups
 
@@ -102,6 +102,9 @@ class _Clock:
         return int(self.elapsed.size)
 
 
+SMALLEST_MAP = 20.0  # m; a shorter flight is one dot on a map
+
+
 class _Recorder:
     def __init__(
         self, flight: Trajectory, planned: Trajectory | None, name: str, max_rows: int
@@ -121,7 +124,8 @@ class _Recorder:
 
     def write(self, path: str, events: Sequence[Event], properties: Mapping[str, Any]) -> None:
         flight, motion = self.flight, self.motion
-        mesh = mesh_for(flight.vehicle, scene_size=motion.size)
+        # a log seldom says what flew, but its name often does
+        mesh = mesh_for(flight.vehicle or self.title, scene_size=motion.size)
         enlarged = max(1.0, scenery.SCENE_SHARE * motion.size / mesh.size)
         shown_size = mesh.size * enlarged
         ground = scenery.ground_altitude(flight, motion)
@@ -139,7 +143,7 @@ class _Recorder:
         figures = self.figures
         if deviation is not None and deviation[0].size:
             figures['max_deviation_m'] = float(deviation[1].max())
-        lat_lon = lat_lon_of(flight)
+        lat_lon = lat_lon_of(flight) if motion.size > SMALLEST_MAP else None
         layout = Layout(
             duration=flight.duration,
             groups=groups,
@@ -278,11 +282,13 @@ class _Recorder:
         )
         self.rec.log('world/path/planned', path, static=True)
         self.rec.log('world/planned_vehicle', _ghost(mesh.scaled(enlarged), 1.0, 55), static=True)
-        position = motion.position.astype(np.float32)
-        attitude = _xyzw(motion.attitude)
+        # At the flight's own times, or the planned vehicle would lag behind by up to a node.
+        time = self.motion.time
+        meant, turned, known = pose_at(motion, time - self._offset(self.planned))
+        position, attitude = meant[known].astype(np.float32), _xyzw(turned[known])
         self._send(
             'world/planned_vehicle',
-            self._clock(self.planned),
+            self._clock(self.flight, time[known]),
             lambda rows: rr.Transform3D.columns(
                 translation=position[rows], quaternion=attitude[rows]
             ),
@@ -294,7 +300,7 @@ class _Recorder:
             return None
         time = self.motion.time
         then = time - self._offset(self.planned)
-        meant, inside = position_at(self.plan_motion, then)
+        meant, _, inside = pose_at(self.plan_motion, then)
         apart = np.linalg.norm(self.motion.position - meant, axis=1)
         return time[inside], apart[inside]
 

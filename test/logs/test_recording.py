@@ -17,18 +17,18 @@ from numpy.testing import assert_allclose, assert_array_equal
 from rosbags.highlevel import AnyReader
 
 from flightdyn.environment.geodesy import GeodeticPoint
-from flightdyn.errors import InputError
+from flightdyn.errors import InputError, LogError
 from flightdyn.logs.mcap_container import McapFile
 from flightdyn.logs.messages import (
     TRAJECTORY,
     VEHICLE_STATE,
     kinematics,
-    read_plans,
     schema_text,
     trajectory_message,
     typestore,
     write_flight_mcap,
 )
+from flightdyn.logs.recorded import read_flights, read_plans
 from flightdyn.logs.recording import McapRecorder
 from flightdyn.logs.sources import list_sources, read_track
 from flightdyn.trajectory import Trajectory
@@ -105,6 +105,36 @@ def test_plan_comes_back_whole(climb: Trajectory, tmp_path: Path) -> None:
         assert_allclose(plan[name], column, rtol=1e-14)  # alpha went through radians
     for name in ('model', 'vehicle', 'problem', 'start_ns', 'origin', 'control_interpolation'):
         assert getattr(plan, name) == getattr(climb, name)
+
+
+def test_flight_comes_back_with_states_and_controls(climb: Trajectory, tmp_path: Path) -> None:
+    path = tmp_path / 'flight.mcap'
+    write_flight_mcap(climb, path)
+    (flight,) = read_flights(path)
+    assert list(flight.states) == list(climb.states)
+    assert list(flight.controls) == list(climb.controls)
+    for name in (*climb.states, *climb.controls):
+        assert_allclose(flight[name], climb[name], rtol=1e-14)
+    assert_allclose(flight.time, climb.time)
+    assert (flight.start_ns, flight.origin) == (climb.start_ns, climb.origin)
+
+
+def test_attitude_past_the_vertical_is_the_models_own(tmp_path: Path) -> None:
+    flip = Trajectory(
+        time=[0.0, 0.5, 1.0],
+        states={'x_e': [0, 1, 2], 'z_e': [0, 0, 0], 'theta': [0, -3.0, -6.0]},
+        model='DynamicsRigidBody2DBody',
+    )
+    path = tmp_path / 'flip.mcap'
+    write_flight_mcap(flip, path)
+    (flight,) = read_flights(path)
+    assert flight['theta'].tolist() == [0, -3.0, -6.0]
+    assert 'phi' not in flight
+
+
+def test_a_log_without_flights_says_so() -> None:
+    with pytest.raises(LogError, match='no flightdyn_msgs/msg/VehicleState'):
+        read_flights(Path(__file__).parents[1] / 'data' / 'discus2_thermal.mcap')
 
 
 def test_angles_in_messages_are_radians(climb: Trajectory) -> None:

@@ -6,7 +6,7 @@ import pytest
 from flightdyn import frames
 from flightdyn.environment.geodesy import GeodeticPoint
 from flightdyn.trajectory import Trajectory
-from flightdyn.viewing.kinematics import lat_lon_of, motion_of, position_at, thinned
+from flightdyn.viewing.kinematics import lat_lon_of, motion_of, pose_at, thinned
 
 TIGHT = {'atol': 1e-12}  # a handful of roundings of numbers near 1
 
@@ -83,8 +83,22 @@ def test_velocity_from_positions_never_reaches_across_a_gap():
     motion = motion_of(flight)
     np.testing.assert_allclose(motion.velocity[:, 0], 1.0, **TIGHT)
     assert motion.arc_length[-1] == pytest.approx(4.0)
-    _, known = position_at(motion, np.array([-1.0, 1.5, 50.0, 101.0, 103.0]))
+    _, _, known = pose_at(motion, np.array([-1.0, 1.5, 50.0, 101.0, 103.0]))
     assert known.tolist() == [False, True, False, True, False]
+
+
+def test_between_samples_a_parabola_and_a_turn_are_met():
+    t = np.array([0.0, 0.5, 1.0])
+    flight = Trajectory(
+        time=t,
+        states={'x_e': 3 * t, 'z_e': 4.905 * t**2, 'u_e': 3 + 0 * t, 'w_e': 9.81 * t,
+                'theta': -2.0 * t},
+    )  # fmt: skip
+    position, attitude, known = pose_at(motion_of(flight), np.array([0.1, 0.75, 1.0]))
+    assert known.all()
+    np.testing.assert_allclose(position[:, 2], 4.905 * np.array([0.01, 0.5625, 1.0]), **TIGHT)
+    expected = frames.quaternion_from_euler(0.0, -1.5, 0.0)
+    assert abs(attitude[1] @ np.array(expected)) == pytest.approx(1, abs=1e-9)
 
 
 def test_positions_relative_to_another_origin():
