@@ -270,7 +270,7 @@ def _info(arguments: argparse.Namespace) -> int:
     _print_columns(
         ('topic', 'schema', 'messages', 'replay as'),
         [
-            (t['topic'], t['schema'], str(t['messages']), t['usable_as'] or '-')
+            (t['topic'], t['schema'], str(t['messages']), t['kind'] if t['usable'] else '-')
             for t in info['topics']
         ],
     )

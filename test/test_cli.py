@@ -94,6 +94,14 @@ def test_replay_of_a_real_glider(tmp_path: Path, capsys: pytest.CaptureFixture[s
         assert np.isfinite(columns[name].to_numpy()).all(), name
 
 
+def test_info_tells_what_a_log_can_be_replayed_as(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['info', str(GLIDER)]) == 0
+    header, row = capsys.readouterr().out.splitlines()
+    assert header.split() == ['topic', 'schema', 'messages', 'replay', 'as']
+    assert row.split()[:3] == ['/fix', 'sensor_msgs/msg/NavSatFix', '900']
+    assert row.split()[3] != '-'
+
+
 def test_start_and_end_cut_the_log(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['replay', str(GLIDER), '--json', '--start', '10', '--end', '70']) == 0
     assert json.loads(capsys.readouterr().out)['duration_s'] == pytest.approx(60, abs=1)

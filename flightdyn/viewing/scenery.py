@@ -233,7 +233,7 @@ def _middle(values: Array) -> float:
     return float(values.min() + values.max()) / 2
 
 
-def map_zoom(lat_lon: Array, *, width: float = 400.0, height: float = 240.0) -> float:
+def map_zoom(lat_lon: Array, *, width: float = 340.0, height: float = 180.0) -> float:
     """Return the web-map zoom at which a track (n, 2) [deg] fits a panel of that many pixels."""
     lat, lon = np.radians(np.clip(lat_lon[:, 0], -85, 85)), np.unwrap(lat_lon[:, 1], period=360)
     across = float(np.ptp(lon)) / 360
