@@ -38,7 +38,7 @@ data_files = [
 
 lint = ['ruff>=0.17,<0.18', 'mypy>=2.4,<3', 'types-PyYAML>=6']
 test = [
-    'pytest>=8.4,<10',
+    'pytest>=9,<10',
     'pytest-timeout>=2.4,<3',
     'hypothesis>=6.150,<7',
     'mcap-ros2-support>=0.6,<0.7',

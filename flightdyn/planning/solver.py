@@ -22,7 +22,6 @@ OPTIONS: dict[str, Any] = {
     'ipopt.tol': 1e-8,
     'print_time': False,
     'calc_lam_p': False,
-    'expand': True,
 }
 
 _CODES = {

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 
+import casadi as cas
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +16,7 @@ from .integrator import rk4_step
 Array = NDArray[np.float64]
 
 MAX_STEP = 1e-3  # s; RK4 then errs far below a micrometre on the shipped vehicles
+MAX_SUBSTEPS = 16  # in one call of the integrator
 MAX_SAMPLES = 50_000_000
 
 
@@ -51,7 +53,7 @@ class Simulator:
         self.model = model
         self.stage = model.stage()
         self.wind = np.array(wind, dtype=float)
-        self._step = rk4_step(self.stage)
+        self._steps: dict[int, cas.Function] = {}
         self._max_step = max_step
         self.follow(controls)
         self.reset(initial)
@@ -94,15 +96,23 @@ class Simulator:
             if span <= 0:
                 continue
             u0, u1 = self._controls_over(self.time, end)
+            # A call costs more than the few steps in it: as many substeps as fit go into one.
             steps = max(1, math.ceil(span / self._max_step - 1e-9))
-            for i in range(steps):
-                a, b = i / steps, (i + 1) / steps
-                u_begin, u_end = u0 + (u1 - u0) * a, u0 + (u1 - u0) * b
-                x = self._step(self._x, u_begin, u_end, self.wind, span / steps)
+            calls = math.ceil(steps / MAX_SUBSTEPS)
+            step = self._step_of(math.ceil(steps / calls))
+            for i in range(calls):
+                u_begin = u0 + (u1 - u0) * (i / calls)
+                u_end = u0 + (u1 - u0) * ((i + 1) / calls)
+                x = step(self._x, u_begin, u_end, self.wind, span / calls)
                 self._x = x.full().ravel()
             self.time = end
         if not np.isfinite(self._x).all():
             raise InputError(f'the state of {self.model.vehicle} diverged before {time:g} s')
+
+    def _step_of(self, substeps: int) -> cas.Function:
+        if substeps not in self._steps:
+            self._steps[substeps] = rk4_step(self.stage, substeps)
+        return self._steps[substeps]
 
     def _controls_over(self, begin: float, end: float) -> tuple[Array, Array]:
         """Return the controls at both ends of an interval without a break inside."""

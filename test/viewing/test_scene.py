@@ -92,9 +92,9 @@ def test_overview_sees_all_of_the_path_start_left(flight):
 
 
 def test_map_zoom_and_the_date_line():
-    # One degree of 360 on a panel 400 px wide: 256 * 2^zoom / 360 = 400.
+    # One degree of 360 on a panel 340 px wide: 256 * 2^zoom / 360 = 340.
     line = np.array([[0.0, 10.0], [0.0, 11.0]])
-    assert scenery.map_zoom(line) == pytest.approx(np.log2(400 * 360 / 256))
+    assert scenery.map_zoom(line) == pytest.approx(np.log2(340 * 360 / 256))
     across = np.array([[0.0, 179.0], [0.0, 179.5], [0.0, -179.9], [0.0, -179.0]])
     pieces = scenery.lines_on_map(across, np.arange(4))
     assert [len(piece) for piece in pieces] == [2, 2]

@@ -1,0 +1,171 @@
+"""Starting and ending a node: signals, exit codes, and teardown in the order that rclpy bears.
+
+Nothing of ROS is imported before `run`, so that a user without it reads a sentence.
+"""
+
+import argparse
+import importlib
+import os
+import signal
+import sys
+import threading
+from typing import Any, NoReturn
+
+from ..errors import InputError
+
+WIND_DOWN_S = 0.8
+JOIN_S = 0.5
+TEARDOWN_S = 1.0
+
+
+class _Interrupted(KeyboardInterrupt):
+    """A signal to end, before the node was up."""
+
+
+def run(name: str, module: str, node_class: str, description: str) -> int:
+    """Run a node until SIGINT, SIGTERM or its own end; return the exit code.
+
+    Parameters
+    ----------
+    name : str
+        What the executable is called.
+    module, node_class : str
+        Where the class of the node is; a `flightdyn.nodes.base.BaseNode`.
+    description : str
+        Shown by `--help`.
+
+    Returns
+    -------
+    int
+        0 after a signal or a planned end, 2 after a user's mistake, which is one line on stderr.
+    """
+    stop = threading.Event()
+    started = False
+
+    def on_signal(_number: int, _frame: Any) -> None:
+        if not started:
+            raise _Interrupted
+        stop.set()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, on_signal)
+    try:
+        require_ros()
+        _parse(name, description)
+        session = _Session(importlib.import_module(f'flightdyn.nodes.{module}'), node_class, stop)
+        started = True
+    except InputError as error:
+        print(f'{name}: {error}', file=sys.stderr)
+        _leave(2)
+    except _Interrupted:
+        _leave(0)
+    return session.run()
+
+
+def require_ros() -> None:
+    """Check that rclpy and the built messages can be imported.
+
+    Raises
+    ------
+    InputError
+        If not; the message says what to do.
+    """
+    try:
+        import rclpy  # noqa: F401
+    except ImportError as error:
+        raise InputError(
+            f'ROS 2 is not there ({error}): source its setup file, or run `make setup` and start '
+            'through tools/run'
+        ) from None
+    try:
+        # the bare folder of a checkout can be imported, too, but has nothing in it
+        from flightdyn_msgs.msg import Trajectory  # noqa: F401
+    except ImportError as error:
+        raise InputError(
+            f'flightdyn_msgs is not built or not sourced: run `colcon build`, then source '
+            f'install/setup.bash ({error})'
+        ) from None
+
+
+def _parse(name: str, description: str) -> None:
+    from rclpy.utilities import remove_ros_args
+
+    try:
+        own = remove_ros_args(sys.argv)[1:]
+    except Exception as error:  # rclpy's own kinds are private
+        raise _no_start(error) from None
+    parser = argparse.ArgumentParser(
+        name,
+        description=description,
+        epilog='Parameters follow as ROS arguments: --ros-args -p NAME:=VALUE',
+    )
+    parser.parse_args(own)
+
+
+def _no_start(error: Exception) -> InputError:
+    return InputError(f'ROS 2 does not start: {" ".join(str(error).split())}')
+
+
+def _leave(code: int) -> NoReturn:
+    """End at once: threads of half-started middleware may not survive an orderly exit."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
+class _Session:
+    """A node, and a thread that spins it: the main thread has to be free to take signals."""
+
+    def __init__(self, module: Any, node_class: str, stop: threading.Event) -> None:
+        import rclpy
+        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.signals import SignalHandlerOptions
+
+        self._stop = stop
+        self._failure: BaseException | None = None
+        try:
+            rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+        except Exception as error:  # of many kinds: bad arguments, no folder for logs
+            raise _no_start(error) from None
+        self._node = getattr(module, node_class)()
+        self._node.end = stop.set
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        self._thread = threading.Thread(target=self._spin, name='spin', daemon=True)
+
+    def run(self) -> int:
+        import rclpy
+
+        self._thread.start()
+        self._stop.wait()
+        code = 0
+        if self._failure is not None:
+            error = self._failure
+            self._node.get_logger().fatal(f'{type(error).__name__}: {error}')
+            code = 1
+        self._node.wind_down(WIND_DOWN_S)
+        self._executor.shutdown(timeout_sec=0)
+        self._thread.join(JOIN_S)
+        self._node.close()
+        if self._thread.is_alive():
+            _leave(code)  # a callback is deep in native code: what it uses cannot be destroyed
+        # What a killed peer left locked can hold the middleware up for good; no Python runs then.
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
+        signal.setitimer(signal.ITIMER_REAL, TEARDOWN_S)
+        self._node.destroy_node()
+        rclpy.try_shutdown()
+        if self._node.is_busy():
+            _leave(code)  # Python cannot end while a solver runs
+        return code
+
+    def _spin(self) -> None:
+        from rclpy.executors import ExternalShutdownException
+
+        try:
+            self._executor.spin()
+        except ExternalShutdownException:
+            pass
+        except BaseException as error:
+            self._failure = error
+        finally:
+            self._stop.set()

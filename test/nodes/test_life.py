@@ -1,0 +1,134 @@
+"""How nodes begin and end: exit codes, clear sentences, no tracebacks, in time."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ros_support import DISCUS, NODES, ROOT, command, need_ros
+
+need_ros()
+
+from rcl_interfaces.srv import ListParameters  # noqa: E402
+
+from flightdyn.nodes.client import Inbox, PlannerClient, Session  # noqa: E402
+from flightdyn.nodes.process import NodeProcess  # noqa: E402
+from flightdyn_msgs.msg import VehicleState  # noqa: E402
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+LIMIT_S = 2.0
+
+
+def end(process: NodeProcess, number: int) -> None:
+    """Send a signal; the node has to end well."""
+    began = time.monotonic()
+    assert process.stop(number) == 0, process.output
+    assert time.monotonic() - began < LIMIT_S
+    assert 'Traceback' not in process.output
+    assert 'terminate called' not in process.output
+
+
+@pytest.mark.parametrize('number', SIGNALS)
+@pytest.mark.parametrize('name', NODES)
+def test_idle_node_ends_on_a_signal(ros: None, session: Session, name: str, number: int) -> None:
+    parameters: dict[str, Any] = {'log': str(DISCUS), 'end': 10.0} if name == 'replay' else {}
+    with NodeProcess(name, command=command(name, installed=True), **parameters) as process:
+        listed = session.call(ListParameters, f'/{name}/list_parameters').result.names
+        assert 'use_sim_time' in listed
+        end(process, number)
+
+
+@pytest.mark.parametrize('number', SIGNALS)
+def test_planner_ends_while_solving_and_the_client_hears_of_it(
+    ros: None, session: Session, number: int
+) -> None:
+    with NodeProcess('planner') as process:
+        heard = Inbox('feedback')
+        request = PlannerClient(session).send(
+            'quadcopter_flip', final={'x_e': 300.0}, on_feedback=heard.put
+        )
+        heard.wait()
+        end(process, number)
+        assert request.result(5).result.message.startswith('the planner is ending')
+
+
+@pytest.mark.parametrize('number', SIGNALS)
+def test_replay_ends_while_playing(ros: None, session: Session, number: int) -> None:
+    with NodeProcess('replay', log=str(DISCUS), rate=100.0, loop=True) as process:
+        session.subscribe(VehicleState, '/replay/state').wait()
+        end(process, number)
+
+
+@pytest.mark.parametrize(
+    ('name', 'parameters', 'words'),
+    [
+        ('replay', {}, 'which flight log'),
+        ('replay', {'log': '/nope.mcap'}, 'no file /nope.mcap'),
+        ('replay', {'log': str(DISCUS), 'log_root': str(ROOT / 'config')}, 'outside log_root'),
+        ('replay', {'log': str(ROOT / 'setup.py')}, 'setup.py'),
+        ('replay', {'log': str(DISCUS), 'rate': -1}, 'rate'),
+        ('sim', {'vehicle': 'nope'}, "no vehicle 'nope'"),
+        ('sim', {'origin_lat': 91.0}, 'origin_lat'),
+        ('sim', {'wind_ned': [1.0]}, '3 finite numbers'),
+        ('sim', {'record': '/nope/a.mcap'}, 'no folder'),
+        ('planner', {'preempt': 'maybe'}, 'replace or reject'),
+        ('planner', {'config_dir': '/nope'}, '/nope'),
+        ('planner', {'max_wall_time': 'long'}, 'max_wall_time'),
+    ],
+)
+def test_mistakes_end_with_2_and_one_sentence(
+    ros: None, name: str, parameters: dict[str, Any], words: str
+) -> None:
+    with NodeProcess(name, **parameters) as process:
+        assert process.process.wait(20) == 2, process.output
+        (line,) = process.output.splitlines()
+        assert line.startswith(f'{name}: ')
+        assert words in line
+
+
+def test_malformed_ros_arguments_end_with_2_and_one_sentence(ros: None) -> None:
+    with NodeProcess('sim', command=[*command('sim'), '--ros-args', '-p', 'x']) as process:
+        assert process.process.wait(20) == 2, process.output
+        assert process.output.splitlines()[-1].startswith('sim: ROS 2 does not start')
+        assert 'Traceback' not in process.output
+
+
+def test_missing_ros_is_named() -> None:
+    hide = "import sys; sys.modules['rclpy'] = None; from flightdyn.nodes.sim import main; main()"
+    done = subprocess.run([sys.executable, '-c', hide], capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr.startswith('sim: ROS 2 is not there')
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_missing_messages_are_named(ros: None, tmp_path: Path) -> None:
+    # the checkout has a folder flightdyn_msgs, which must not pass for the built package
+    paths = os.environ.get('PYTHONPATH', '').split(os.pathsep)
+    kept = [p for p in paths if p and not (Path(p) / 'flightdyn_msgs/msg/__init__.py').exists()]
+    env = {'PYTHONPATH': os.pathsep.join([str(ROOT), *kept])}
+    with NodeProcess('planner', env=env) as process:
+        assert process.process.wait(20) == 2, process.output
+        assert process.output.startswith('planner: flightdyn_msgs is not built or not sourced')
+
+
+def test_signal_while_starting_is_no_traceback(ros: None) -> None:
+    with NodeProcess('planner') as process:
+        wait_for(lambda: handles_signals(process.process.pid))
+        assert process.stop(signal.SIGINT) == 0
+        assert 'Traceback' not in process.output
+
+
+def handles_signals(pid: int) -> bool:
+    """Return whether a process has set its own handler for SIGTERM; Python itself has none."""
+    status = Path(f'/proc/{pid}/status').read_text()
+    caught = int(status.partition('SigCgt:')[2].split()[0], 16)
+    return bool(caught >> (signal.SIGTERM - 1) & 1)
+
+
+def wait_for(ready: Callable[[], bool]) -> None:
+    Session.wait_until(ready, 'the condition')
