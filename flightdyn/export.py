@@ -43,7 +43,7 @@ def write_flight(
 ) -> None:
     """Write a plan or a simulated flight; `document` is what a .json file holds."""
     if path.suffix == '.mcap':
-        from .logs.messages import write_flight_mcap
+        from .logs.recording import write_flight_mcap
 
         write_flight_mcap(flight, path)
     elif path.suffix in TABLES:

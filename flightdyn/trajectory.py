@@ -137,9 +137,10 @@ class Trajectory:
                 f'no samples between {start:g} s and {end:g} s: '
                 f'the trajectory runs from {self.time[0]:g} s to {self.time[-1]:g} s'
             )
-        return self._pick(np.flatnonzero(keep))
+        return self.take(np.flatnonzero(keep))
 
-    def _pick(self, index: NDArray[np.intp]) -> 'Trajectory':
+    def take(self, index: NDArray[np.intp]) -> 'Trajectory':
+        """Return the samples of given indices, in increasing order."""
         assert self.segment is not None
 
         def pick(columns: Columns) -> Columns:

@@ -72,54 +72,6 @@ def serialize(msgtype: str, message: Any) -> bytes:
     return bytes(typestore().serialize_cdr(message, msgtype))
 
 
-def write_flight_mcap(trajectory: Trajectory, path: str | Path) -> None:
-    """Write a trajectory as a recording of a flight.
-
-    Topics: `/sim/state` (VehicleState), `/odom` (Odometry, ENU in `odom`, FLU in `base_link`),
-    `/fix` (NavSatFix, if it is known where on earth it is) and `/plan` (Trajectory, everything).
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-    path : path
-        An existing file is replaced.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be created or times are before 1970.
-    """
-    from .recording import McapRecorder
-
-    unix_ns = trajectory.unix_ns
-    if unix_ns.min() < 0:
-        raise InputError('a trajectory that begins before 1970 cannot be recorded')
-    metadata = {
-        'vehicle': trajectory.vehicle,
-        'model': trajectory.model,
-        'problem': trajectory.problem,
-    }
-    if trajectory.origin is not None:
-        metadata['origin_lat'] = repr(float(trajectory.origin.lat))
-        metadata['origin_lon'] = repr(float(trajectory.origin.lon))
-        metadata['origin_altitude'] = repr(float(trajectory.origin.altitude))
-    motion = kinematics(trajectory)
-    with McapRecorder(path, metadata) as recorder:
-        plan = serialize(TRAJECTORY, trajectory_message(trajectory))
-        recorder.write('/plan', TRAJECTORY, plan, int(unix_ns[0]))
-        streams = [
-            ('/sim/state', VEHICLE_STATE, vehicle_state_messages(trajectory, motion)),
-            ('/odom', ODOMETRY, odometry_messages(trajectory, motion)),
-        ]
-        fixes = _geodetic(trajectory, motion)
-        if fixes is not None:
-            streams.append(('/fix', NAV_SAT_FIX, _fix_messages(trajectory, *fixes)))
-        together = zip(*(stream for _, _, stream in streams), strict=True)
-        for time_ns, messages in zip(unix_ns.tolist(), together, strict=True):
-            for (topic, msgtype, _), message in zip(streams, messages, strict=True):
-                recorder.write(topic, msgtype, serialize(msgtype, message), time_ns)
-
-
 def kinematics(trajectory: Trajectory) -> Columns:
     """Return the motion of any model's trajectory in common columns.
 
@@ -240,7 +192,8 @@ def odometry_messages(trajectory: Trajectory, motion: Columns) -> Iterator[Any]:
         )
 
 
-def _fix_messages(trajectory: Trajectory, lat: Array, lon: Array, alt: Array) -> Iterator[Any]:
+def fix_messages(trajectory: Trajectory, lat: Array, lon: Array, alt: Array) -> Iterator[Any]:
+    """Yield a NavSatFix for each sample, at latitudes and longitudes [deg], altitudes [m]."""
     types = typestore().types
     status = types['sensor_msgs/msg/NavSatStatus'](status=0, service=1)
     unknown = np.zeros(9)
@@ -256,7 +209,8 @@ def _fix_messages(trajectory: Trajectory, lat: Array, lon: Array, alt: Array) ->
         )
 
 
-def _geodetic(trajectory: Trajectory, motion: Columns) -> tuple[Array, Array, Array] | None:
+def geodetic_columns(trajectory: Trajectory, motion: Columns) -> tuple[Array, Array, Array] | None:
+    """Return latitudes, longitudes [deg] and altitudes [m]; None if it is nowhere on earth."""
     if all(name in trajectory for name in ('lat', 'lon', 'altitude')):
         return trajectory['lat'], trajectory['lon'], trajectory['altitude']
     if trajectory.origin is None:

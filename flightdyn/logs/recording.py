@@ -13,7 +13,21 @@ from types import TracebackType
 from mcap.writer import CompressionType, Writer
 
 from ..errors import InputError
-from .messages import schema_text
+from ..trajectory import Trajectory
+from .messages import (
+    NAV_SAT_FIX,
+    ODOMETRY,
+    TRAJECTORY,
+    VEHICLE_STATE,
+    fix_messages,
+    geodetic_columns,
+    kinematics,
+    odometry_messages,
+    schema_text,
+    serialize,
+    trajectory_message,
+    vehicle_state_messages,
+)
 
 MAX_CHUNK_BYTES = 60_000
 FLUSH_EVERY_S = 0.5
@@ -169,3 +183,49 @@ class McapRecorder:
         self._channels[topic] = (channel, msgtype)
         self._sequence[channel] = 0
         return channel
+
+
+def write_flight_mcap(trajectory: Trajectory, path: str | Path) -> None:
+    """Write a trajectory as a recording of a flight.
+
+    Topics: `/sim/state` (VehicleState), `/odom` (Odometry, ENU in `odom`, FLU in `base_link`),
+    `/fix` (NavSatFix, if it is known where on earth it is) and `/plan` (Trajectory, everything).
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    path : path
+        An existing file is replaced.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be created or times are before 1970.
+    """
+    unix_ns = trajectory.unix_ns
+    if unix_ns.min() < 0:
+        raise InputError('a trajectory that begins before 1970 cannot be recorded')
+    metadata = {
+        'vehicle': trajectory.vehicle,
+        'model': trajectory.model,
+        'problem': trajectory.problem,
+    }
+    if trajectory.origin is not None:
+        metadata['origin_lat'] = repr(float(trajectory.origin.lat))
+        metadata['origin_lon'] = repr(float(trajectory.origin.lon))
+        metadata['origin_altitude'] = repr(float(trajectory.origin.altitude))
+    motion = kinematics(trajectory)
+    with McapRecorder(path, metadata) as recorder:
+        plan = serialize(TRAJECTORY, trajectory_message(trajectory))
+        recorder.write('/plan', TRAJECTORY, plan, int(unix_ns[0]))
+        streams = [
+            ('/sim/state', VEHICLE_STATE, vehicle_state_messages(trajectory, motion)),
+            ('/odom', ODOMETRY, odometry_messages(trajectory, motion)),
+        ]
+        fixes = geodetic_columns(trajectory, motion)
+        if fixes is not None:
+            streams.append(('/fix', NAV_SAT_FIX, fix_messages(trajectory, *fixes)))
+        together = zip(*(stream for _, _, stream in streams), strict=True)
+        for time_ns, messages in zip(unix_ns.tolist(), together, strict=True):
+            for (topic, msgtype, _), message in zip(streams, messages, strict=True):
+                recorder.write(topic, msgtype, serialize(msgtype, message), time_ns)

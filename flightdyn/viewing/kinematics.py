@@ -1,6 +1,6 @@
 """Position, attitude and velocity of whatever a trajectory holds, for drawing."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from .. import frames
 from ..environment.geodesy import GeodeticPoint, geodetic_from_ned, ned_from_geodetic
-from ..trajectory import Columns, Trajectory
+from ..trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -133,22 +133,10 @@ def thinned(trajectory: Trajectory, most: int) -> Trajectory:
     n = len(trajectory)
     if n <= most:
         return trajectory
-    assert trajectory.segment is not None
     ends = [i for part in trajectory.segments() for i in (part.start, part.stop - 1)]
     peaks = [i for c in trajectory.columns.values() for i in (int(c.argmin()), int(c.argmax()))]
     index = np.unique(np.concatenate([np.arange(0, n, -(-n // most)), ends, peaks])).astype(int)
-
-    def pick(columns: Columns) -> Columns:
-        return {name: values[index] for name, values in columns.items()}
-
-    return replace(
-        trajectory,
-        time=trajectory.time[index],
-        states=pick(trajectory.states),
-        controls=pick(trajectory.controls),
-        outputs=pick(trajectory.outputs),
-        segment=trajectory.segment[index],
-    )
+    return trajectory.take(index)
 
 
 def lat_lon_of(trajectory: Trajectory) -> Array | None:

@@ -26,10 +26,9 @@ from flightdyn.logs.messages import (
     schema_text,
     trajectory_message,
     typestore,
-    write_flight_mcap,
 )
 from flightdyn.logs.recorded import read_flights, read_plans
-from flightdyn.logs.recording import McapRecorder
+from flightdyn.logs.recording import McapRecorder, write_flight_mcap
 from flightdyn.logs.sources import list_sources, read_track
 from flightdyn.trajectory import Trajectory
 
@@ -243,7 +242,7 @@ def test_a_killed_recorder_leaves_a_readable_file(tmp_path: Path) -> None:
     program = textwrap.dedent(
         """
         import sys, time
-        from flightdyn.logs.recording import McapRecorder
+        from flightdyn.logs.recording import McapRecorder, write_flight_mcap
         recorder = McapRecorder(sys.argv[1], {'vehicle': 'v'})
         for i in range(10**6):
             data = bytes([0, 1, 0, 0]) + i.to_bytes(8, 'little')
