@@ -9,6 +9,7 @@ import signal
 import sys
 from collections.abc import Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -221,6 +222,7 @@ def _sim(arguments: argparse.Namespace) -> int:
 
 
 def _replay(arguments: argparse.Namespace) -> int:
+    from .logs.recorded import read_plans
     from .replay import replay_log
 
     if len(arguments.log) > 1 and any('{log}' not in name for name in arguments.output):
@@ -231,8 +233,11 @@ def _replay(arguments: argparse.Namespace) -> int:
         outputs = export.check_outputs(names, export.REPLAY_FORMATS)
         replay = replay_log(log, source=arguments.source, start=arguments.start, end=arguments.end)
         summary = replay.summary()
+        flight, planned = replay.trajectory, None
+        for planned in read_plans(log):  # our own recordings hold what was meant to be flown
+            flight = replace(flight, vehicle=planned.vehicle)
         for path in outputs:
-            export.write_replay(path, replay.trajectory, summary)
+            export.write_replay(path, flight, summary, planned=planned)
         summaries.append(summary)
         for warning in summary['warnings']:
             print(f'flightdyn: {log}: warning: {warning}', file=sys.stderr)

@@ -55,14 +55,20 @@ def write_flight(
         _write_view(path, flight, document, planned)
 
 
-def write_replay(path: Path, flight: Trajectory, document: dict[str, Any]) -> None:
+def write_replay(
+    path: Path,
+    flight: Trajectory,
+    document: dict[str, Any],
+    *,
+    planned: Trajectory | None = None,
+) -> None:
     """Write a replayed flight; `document` is what a .json file holds."""
     if path.suffix in TABLES:
         from .replay.table import write_table
 
         write_table(flight, path)
     else:
-        _write_view(path, flight, document, None)
+        _write_view(path, flight, document, planned)
 
 
 def _write_view(

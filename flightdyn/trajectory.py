@@ -1,6 +1,6 @@
 """The one currency: named states, controls and outputs over time."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Literal
@@ -38,8 +38,8 @@ class Trajectory:
     origin : GeodeticPoint or None
         Where the local NED frame's origin is.
     segment : int array (n,)
-        Which unbroken stretch each sample belongs to, counted from 0; nothing is interpolated
-        across a change. Omitted: all one segment.
+        Which unbroken stretch each sample belongs to, counted from 0; no path is drawn across a
+        change. Omitted: all one segment.
 
     Raises
     ------
@@ -190,8 +190,7 @@ def _column(what: str, values: ArrayLike, size: int) -> Array:
     return column
 
 
-def columns_of(names: Mapping[int, str] | list[str], rows: ArrayLike) -> Columns:
+def columns_of(names: Sequence[str], rows: ArrayLike) -> Columns:
     """Return row-major values (n, len(names)) as named columns."""
     table = np.asarray(rows, dtype=float).reshape(-1, len(names))
-    ordered = list(names.values()) if isinstance(names, Mapping) else names
-    return {name: table[:, i].copy() for i, name in enumerate(ordered)}
+    return {name: table[:, i].copy() for i, name in enumerate(names)}

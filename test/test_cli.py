@@ -72,7 +72,9 @@ def test_sim_of_a_scenario(capsys: pytest.CaptureFixture[str]) -> None:
 def test_plan_flown_and_replayed_comes_back(plan_path: Path, tmp_path: Path) -> None:
     flown, table = tmp_path / 'flown.mcap', tmp_path / 'replayed.csv'
     assert main(['sim', str(plan_path), '--rate', '500', '-o', str(flown)]) == 0
-    assert main(['replay', str(flown), '-o', str(table)]) == 0
+    view = tmp_path / 'replayed.rrd'
+    assert main(['replay', str(flown), '-o', str(table), str(view)]) == 0
+    assert b'planned_vehicle' in view.read_bytes()  # what was meant to be flown is drawn, too
     plan = json.loads(plan_path.read_text())
     replayed = np.genfromtxt(table, delimiter=',', names=True)
     time = (replayed['t'] - replayed['t'][0]) * 1e-9

@@ -132,7 +132,7 @@ class Dynamics(ABC):
 
     @property
     def load_factor(self) -> Vectorizable:
-        """Specific force along -z of `force_axes` over g (9.81 if no gravity was added)."""
+        """Force other than the weight, along -z of `force_axes`, over m x 9.81 m/s^2."""
         weight = self.convert_axes(
             0.0, 0.0, self.mass_props.mass * self._gravity, 'earth', self.force_axes
         )

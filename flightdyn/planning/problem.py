@@ -17,7 +17,7 @@ from ..config import (
     whole_number,
 )
 from ..errors import InputError
-from ..resources import find_config, list_configs
+from ..resources import find_config
 from ..trajectory import Interpolation, Trajectory
 from ..vehicles.vehicle import Vehicle, load_vehicle
 
@@ -190,11 +190,6 @@ def load_problem(
     for setting in settings:
         _apply(document, setting)
     return _problem(path, check_keys(document, KEYS, str(path)), config_dir)
-
-
-def list_problems(config_dir: str | Path | None = None) -> list[Problem]:
-    """Return every configured problem, by name."""
-    return [load_problem(name, (), config_dir) for name in list_configs('problems', config_dir)]
 
 
 def _apply(document: dict[str, Any], setting: str) -> None:

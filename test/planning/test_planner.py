@@ -8,9 +8,10 @@ import pytest
 from flightdyn.errors import InputError, ResultCode
 from flightdyn.planning.plan_file import plan_document, read_plan
 from flightdyn.planning.planner import Planner
-from flightdyn.planning.problem import list_problems, load_problem
+from flightdyn.planning.problem import load_problem
 from flightdyn.planning.transcription import Mesh, MultipleShooting, Point
 from flightdyn.planning.verify import verify
+from flightdyn.resources import list_configs
 from flightdyn.simulation.simulator import Simulator, fly
 from flightdyn.vehicles.vehicle import load_vehicle
 
@@ -232,7 +233,9 @@ def test_what_is_no_plan_file_is_refused(text: str, tmp_path) -> None:  # type: 
 
 
 def test_every_shipped_problem_loads() -> None:
-    assert [problem.name for problem in list_problems()] == ['quadcopter_flip']
+    names = list(list_configs('problems'))
+    assert 'quadcopter_flip' in names
+    assert [load_problem(name).name for name in names] == names
 
 
 def test_packing_is_its_own_inverse() -> None:
