@@ -35,6 +35,8 @@ class Dynamics(ABC):
 
     states: ClassVar[tuple[str, ...]]
     indirect_controls: ClassVar[tuple[str, ...]] = ()
+    inertia: ClassVar[tuple[str, ...]] = ()
+    """Elements of the inertia tensor that the equations divide by."""
     loads: ClassVar[tuple[str, ...]]
     force_axes: ClassVar[str]
     """Axes that forces are kept in, and the default of `add_force`."""

@@ -80,6 +80,7 @@ class DynamicsRigidBody2DBody(RigidBody):
 
     states = ('x_e', 'z_e', 'u_b', 'w_b', 'theta', 'q')
     loads = ('Fx_b', 'Fz_b', 'My_b')
+    inertia = ('Iyy',)
 
     q: Vectorizable
 

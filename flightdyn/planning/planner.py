@@ -187,6 +187,11 @@ def _message(
             f'stopped after max_wall_time = {problem.max_wall_time:g} s; '
             'allow more, or lower nodes'
         )
+    if solution.status == 'Invalid_Number_Detected':
+        return (
+            f'{solution.status}: the model gives values that are not numbers; keep the guess and '
+            'the path bounds away from where it is singular, such as speed = 0'
+        )
     worst = int(np.argmax(np.abs(solution.gaps)))
     gap = shooting.describe_gap(worst, shooting.scale(problem), float(solution.gaps[worst]))
     advice = {

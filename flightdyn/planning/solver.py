@@ -31,6 +31,7 @@ _CODES = {
     'Restoration_Failed': ResultCode.INFEASIBLE,
     'Search_Direction_Becomes_Too_Small': ResultCode.INFEASIBLE,
     'Diverging_Iterates': ResultCode.INFEASIBLE,
+    'Invalid_Number_Detected': ResultCode.INFEASIBLE,
     'Not_Enough_Degrees_Of_Freedom': ResultCode.BAD_REQUEST,
     'Maximum_Iterations_Exceeded': ResultCode.ITERATION_LIMIT,
     'User_Requested_Stop': ResultCode.CANCELLED,

@@ -101,6 +101,12 @@ def load_vehicle(name: str, config_dir: str | Path | None = None) -> Vehicle:
     if model_name not in FAMILY:
         raise InputError(f"{path}: unknown model '{model_name}'{suggestion(model_name, FAMILY)}")
     inertia = check_keys(document.get('inertia', {}), INERTIA, f'{path}: inertia')
+    for key in FAMILY[model_name].inertia:
+        if key not in inertia:
+            raise InputError(f"{path}: inertia: '{key}' is missing: {model_name} needs it")
+    rotors = document['rotors']
+    if not isinstance(rotors, Mapping) or not rotors:
+        raise InputError(f'{path}: rotors: expected one or more rotors by name, got {rotors!r}')
     return Vehicle(
         name=name,
         description=text(document.get('description', ''), f'{path}: description'),
@@ -113,10 +119,7 @@ def load_vehicle(name: str, config_dir: str | Path | None = None) -> Vehicle:
             },
         ),
         gravity=number(document.get('gravity', G), f'{path}: gravity'),
-        rotors={
-            str(key): _rotor(value, f'{path}: rotors.{key}')
-            for key, value in dict(document['rotors']).items()
-        },
+        rotors={str(key): _rotor(value, f'{path}: rotors.{key}') for key, value in rotors.items()},
     )
 
 

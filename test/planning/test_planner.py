@@ -1,6 +1,7 @@
 """Plans: the optimum, verification, every way to fail, cancelling."""
 
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -114,6 +115,22 @@ def test_impossible_request_says_what_is_violated(planner: Planner) -> None:
     assert 'loosen bounds or duration' in plan.report.message
     assert not plan.report.verified
     assert len(plan.trajectory) == 81
+
+
+def test_a_singular_start_is_explained(planner: Planner, tmp_path: Path) -> None:
+    (tmp_path / 'vehicles').mkdir()
+    (tmp_path / 'vehicles' / 'kite.yaml').write_text(
+        'model: DynamicsPointMass3DSpeedGammaTrack\nmass: 1\n'
+        'rotors: {pull: {position: [0, 0, 0], direction: [1, 0, 0], thrust: [0, 5]}}\n'
+    )
+    (tmp_path / 'problem.yaml').write_text(
+        'vehicle: kite\nduration: {lower: 0.1, upper: 9, guess: 1}\nfinal: {x_e: 5}\n'
+        'initial: {x_e: 0, speed: 0}\nnodes: 5\n'
+    )
+    problem = load_problem(str(tmp_path / 'problem.yaml'), (), tmp_path)
+    report = planner.plan(problem).report
+    assert report.code == ResultCode.INFEASIBLE
+    assert 'speed = 0' in report.message
 
 
 def test_cancel_ends_at_the_next_iteration(planner: Planner) -> None:

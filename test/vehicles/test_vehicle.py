@@ -70,6 +70,8 @@ def test_jacobian_agrees_with_central_differences() -> None:
         ('mass: 0.1', 'mas: 1', "unknown 'mas', did you mean 'mass'"),
         ('mass: 0.1', '', "'mass' is missing"),
         ('Iyy: 0.0005', 'Iyx: 1', "inertia: unknown 'Iyx'"),
+        ('Iyy: 0.0005', '', "inertia: 'Iyy' is missing"),
+        ('rotors:\n  thrust:', 'rotors:\n  - thrust:', 'expected one or more rotors by name'),
         ('2DBody', '2DBdy', "did you mean 'DynamicsRigidBody2DBody'"),
         ('[0, 0, -1]', '[0, 0, -2]', 'direction: must be a unit vector'),
         ('[0, 1]', '[1, 0]', 'lower bound 1 is above the upper bound 0'),
