@@ -60,7 +60,7 @@ setup(
     package_data={'flightdyn': ['py.typed']},
     data_files=data_files,
     install_requires=[
-        'numpy>=2,<3',
+        'numpy>=1.26,<3',  # 1.26 is what ROS 2 of Ubuntu 24.04 is built with
         'casadi>=3.8,<4',
         'pymap3d>=3.2,<4',
         'rosbags>=0.11,<0.12',
