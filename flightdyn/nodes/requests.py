@@ -58,15 +58,12 @@ def problem_of_goal(goal: Any, config_dir: str, max_wall_time: float) -> Problem
         changes['max_wall_time'] = float(goal.max_wall_time)
     if len(goal.guess.time):
         changes['guess_trajectory'] = _guess(goal.guess, problem)
-    changed = problem.with_changes(
+    return problem.with_changes(
         initial=bounds_from_msgs(goal.initial_bounds, 'initial_bounds'),
         final=bounds_from_msgs(goal.final_bounds, 'final_bounds'),
         path=bounds_from_msgs(goal.path_bounds, 'path_bounds'),
         **changes,
     )
-    for name in changed.path:
-        changed.limits(name)  # raises where a path bound asks for what the vehicle cannot do
-    return changed
 
 
 def _guess(message: Any, problem: Problem) -> Any:

@@ -87,6 +87,8 @@ class Problem:
         self._check_bounds('initial', self.initial, states)
         self._check_bounds('final', self.final, states)
         self._check_bounds('path', self.path, (*states, *controls))
+        for name in self.path:
+            self.limits(name)  # raises where a bound asks for what the vehicle cannot do
         for name, value in self.guess.items():
             self._check_name('guess', name, (*states, *controls))
             if len(value) == 0 or not all(math.isfinite(v) for v in value):
@@ -137,7 +139,13 @@ class Problem:
                 )
 
     def limits(self, name: str) -> tuple[float, float]:
-        """Return the bounds of a state or control along the path, the vehicle's own included."""
+        """Return the bounds of a state or control along the path, the vehicle's own included.
+
+        Raises
+        ------
+        InputError
+            If the two leave nothing.
+        """
         lower, upper = self.path.get(name, (-math.inf, math.inf))
         own_lower, own_upper = self.vehicle.model().controls.get(name, (-math.inf, math.inf))
         if max(lower, own_lower) > min(upper, own_upper):
