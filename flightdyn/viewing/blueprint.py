@@ -128,11 +128,17 @@ def _plot(group: Group) -> rrb.TimeSeriesView:
 
 
 def _value_range(group: Group) -> tuple[float, float]:
-    """Return the axis range: the values and some air, so that no line runs along the frame."""
-    low = min(float((s.values if s.std is None else s.values - s.std).min()) for s in group.series)
-    high = max(
-        float((s.values if s.std is None else s.values + s.std).max()) for s in group.series
-    )
+    """Return the axis range: the values and some air, so that no line runs along the frame.
+
+    Bands count but for their widest twentieth: at rest nothing is known of an angle, and a band
+    of +-100 degrees then would press the flight itself into a line.
+    """
+    low, high = np.inf, -np.inf
+    for s in group.series:
+        low, high = min(low, float(s.values.min())), max(high, float(s.values.max()))
+        if s.std is not None:
+            low = min(low, float(np.quantile(s.values - s.std, 0.05)))
+            high = max(high, float(np.quantile(s.values + s.std, 0.95)))
     air = 0.08 * (high - low) or max(0.05 * abs(high), 0.05)
     return low - air, high + air
 
