@@ -125,7 +125,7 @@ class Planner:
                 shooting = MultipleShooting(problem.vehicle.model().stage(), mesh)
                 while len(self._built) >= MAX_CACHED:
                     self._built.pop(next(iter(self._built)))
-                self._built[key] = (shooting, Solver(shooting.programme))
+                self._built[key] = (shooting, Solver(shooting.programme, shooting.derivatives))
             return self._built[key]
 
 

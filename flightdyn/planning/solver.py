@@ -22,6 +22,8 @@ OPTIONS: dict[str, Any] = {
     'ipopt.tol': 1e-8,
     'print_time': False,
     'calc_lam_p': False,
+    'calc_lam_x': False,
+    'no_nlp_grad': True,
 }
 
 _CODES = {
@@ -69,12 +71,15 @@ OnIteration = Callable[[Iteration], None]
 class Solver:
     """IPOPT on one programme; may be called from any thread, one solve at a time."""
 
-    def __init__(self, programme: dict[str, Any]) -> None:
+    def __init__(self, programme: dict[str, Any], derivatives: dict[str, Any]) -> None:
         self._lock = threading.Lock()
         self._callback = _Callback(programme)
         started = time.perf_counter()
         self._nlp = cas.nlpsol(
-            'plan', 'ipopt', programme, {**OPTIONS, 'iteration_callback': self._callback}
+            'plan',
+            'ipopt',
+            programme,
+            {**OPTIONS, **derivatives, 'iteration_callback': self._callback},
         )
         self.build_s = time.perf_counter() - started
 

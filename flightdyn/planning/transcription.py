@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ..dynamics.stage import Stage
 from ..simulation.integrator import rk4_step
 from ..trajectory import Interpolation
+from .blocks import block_derivatives
 from .guess import guess_columns, guess_duration
 from .problem import Problem
 
@@ -57,25 +58,41 @@ class MultipleShooting:
         self.nx, self.nu = len(stage.states), len(stage.controls)
         n, m = mesh.intervals, mesh.control_nodes
         self.size = self.nx * (n + 1) + self.nu * m + 1
-        w = cas.MX.sym('w', self.size)
-        wind = cas.MX.sym('wind', 3)
-        scale = cas.MX.sym('scale', self.nx + self.nu + 1)
-        x_scale, u_scale = scale[: self.nx], scale[self.nx : self.nx + self.nu]
-        x_scaled = cas.reshape(w[: self.nx * (n + 1)], self.nx, n + 1)
-        x = x_scaled * cas.repmat(x_scale, 1, n + 1)
-        u = cas.reshape(w[self.nx * (n + 1) : -1], self.nu, m) * cas.repmat(u_scale, 1, m)
-        duration = w[-1] * scale[-1]
-        u_end = u[:, 1:] if mesh.control_interpolation == 'linear' else u
-        flown = rk4_step(stage, mesh.substeps).map(n)(
-            x[:, :-1], u[:, :n], u_end[:, :n], cas.repmat(wind, 1, n), duration / n
+        interval, gather = self._interval(), self._gather()
+        ends = np.arange(self.nx * n) + self.nx  # the states at each interval's end
+        w, p = cas.MX.sym('w', self.size), cas.MX.sym('p', interval.size1_in(1))
+        local = cas.reshape(w[gather.ravel(order='F').tolist()], len(gather), n)
+        flown = interval.map(n)(local, cas.repmat(p, 1, n))
+        self.programme = {'x': w, 'p': p, 'f': w[-1], 'g': cas.vec(flown) - w[ends.tolist()]}
+        self.derivatives = block_derivatives(
+            interval, gather, (np.arange(self.nx * n), ends), self.nx * n, self.size
         )
-        gaps = flown / cas.repmat(x_scale, 1, n) - x_scaled[:, 1:]
-        self.programme = {
-            'x': w,
-            'p': cas.vertcat(wind, scale),
-            'f': w[-1],
-            'g': cas.vec(gaps),
-        }
+
+    def _interval(self) -> cas.Function:
+        """Return (z, p) -> scaled state flown to the end of an interval.
+
+        z is the state and controls at its beginning, the controls at its end where they run, and
+        the duration of the whole, all scaled; p is wind and scales.
+        """
+        linear = self.mesh.control_interpolation == 'linear'
+        x, u0, duration = (cas.SX.sym(s, k) for s, k in (('x', self.nx), ('u', self.nu), ('t', 1)))
+        u1 = cas.SX.sym('u1', self.nu) if linear else u0
+        wind, scale = cas.SX.sym('wind', 3), cas.SX.sym('scale', self.nx + self.nu + 1)
+        x_scale, u_scale = scale[: self.nx], scale[self.nx : -1]
+        step = duration * scale[-1] / self.mesh.intervals
+        fly = rk4_step(self.stage, self.mesh.substeps)
+        flown = fly(x * x_scale, u0 * u_scale, u1 * u_scale, wind, step) / x_scale
+        z = cas.vertcat(x, u0, u1, duration) if linear else cas.vertcat(x, u0, duration)
+        return cas.Function('interval', [z, cas.vertcat(wind, scale)], [flown])
+
+    def _gather(self) -> NDArray[np.int64]:
+        """Return which variables make z of each interval, (nz, intervals)."""
+        k = np.arange(self.mesh.intervals)
+        first_u = self.nx * (self.mesh.intervals + 1)
+        x = k * self.nx + np.arange(self.nx)[:, None]
+        u = first_u + k * self.nu + np.arange(self.nu)[:, None]
+        running = [u + self.nu] if self.mesh.control_interpolation == 'linear' else []
+        return np.vstack([x, u, *running, np.full((1, k.size), self.size - 1)])
 
     def scale(self, problem: Problem) -> Array:
         """Return the scale of each state, control and the duration: their expected magnitude."""
