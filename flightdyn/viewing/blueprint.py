@@ -139,7 +139,10 @@ def _value_range(group: Group) -> tuple[float, float]:
         if s.std is not None:
             low = min(low, float(np.quantile(s.values - s.std, 0.05)))
             high = max(high, float(np.quantile(s.values + s.std, 0.95)))
-    air = 0.08 * (high - low) or max(0.05 * abs(high), 0.05)
+    largest = max(abs(low), abs(high))
+    # what differs by rounding alone is constant: enlarged, it would look like noise
+    steady = high - low < 1e-9 * largest
+    air = 0.08 * (high - low) if high > low and not steady else max(0.05 * largest, 0.05)
     return low - air, high + air
 
 

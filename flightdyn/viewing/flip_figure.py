@@ -66,7 +66,7 @@ def flip_figure(plan: Trajectory) -> Figure:
         scene.set_ylim(altitude.min() - room, altitude.max() + room)
         scene.set_aspect('equal', adjustable='box')
         scene.set(xlabel='x_e [m]', ylabel='altitude [m]')
-        note = f', vehicle drawn {larger:.2g} times its size' if larger > 1 else ''
+        note = f', vehicle drawn {larger:.2g} times its size' if larger > 1.05 else ''
         figure.suptitle(f'{title_of(plan)}, {plan.duration:.3g} s{note}', fontsize=10)
     return figure
 

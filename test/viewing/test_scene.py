@@ -7,7 +7,9 @@ import pytest
 from flights import flip, soaring
 
 from flightdyn.viewing import meshes, scenery
+from flightdyn.viewing.blueprint import _value_range
 from flightdyn.viewing.kinematics import motion_of
+from flightdyn.viewing.quantities import Group, Series
 
 SHAPES = [
     meshes.quadcopter(), meshes.glider(), meshes.aeroplane(), meshes.rocket(), meshes.balloon()
@@ -109,3 +111,11 @@ def test_grid_lies_on_round_numbers_under_the_flight():
     low, high = motion.bounds
     assert (grid.corners[:, :2].min(axis=0) <= low[:2]).all()
     assert (grid.corners[:, :2].max(axis=0) >= high[:2]).all()
+
+
+def test_rounding_of_a_constant_is_not_blown_up():
+    # the axis once spanned a few 1e-16, and a steady load factor looked like noise
+    values = 1.661 + np.array([0.0, 2e-16, -2e-16])
+    low, high = _value_range(Group('load', 'Load factor', '-', (Series('n', values),)))
+    assert low < 1.6
+    assert high > 1.7
