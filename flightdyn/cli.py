@@ -233,9 +233,10 @@ def _replay(arguments: argparse.Namespace) -> int:
         outputs = export.check_outputs(names, export.REPLAY_FORMATS)
         replay = replay_log(log, source=arguments.source, start=arguments.start, end=arguments.end)
         summary = replay.summary()
-        flight, planned = replay.trajectory, None
-        for planned in read_plans(log):  # our own recordings hold what was meant to be flown
-            flight = replace(flight, vehicle=planned.vehicle)
+        # our own recordings hold what was meant to be flown
+        plans = read_plans(log) if outputs else []
+        planned = plans[-1] if plans else None
+        flight = replace(replay.trajectory, vehicle=planned.vehicle if planned else '')
         for path in outputs:
             export.write_replay(path, flight, summary, planned=planned)
         summaries.append(summary)

@@ -118,10 +118,7 @@ class Trajectory:
     def segments(self) -> Iterator[slice]:
         """Yield the unbroken stretches as slices."""
         assert self.segment is not None
-        cuts = np.flatnonzero(np.diff(self.segment)) + 1
-        bounds = [0, *cuts.tolist(), len(self)]
-        for start, stop in pairwise(bounds):
-            yield slice(start, stop)
+        return stretches(self.segment)
 
     def between(self, start: float, end: float) -> 'Trajectory':
         """Return the samples with start <= time <= end [s].
@@ -188,6 +185,13 @@ def _column(what: str, values: ArrayLike, size: int) -> Array:
         index = int(np.argmin(np.isfinite(column)))
         raise InputError(f'trajectory {what} is {column[index]} at sample {index}')
     return column
+
+
+def stretches(segment: NDArray[np.int64]) -> Iterator[slice]:
+    """Yield the slices between which a segment number changes."""
+    cuts = np.flatnonzero(np.diff(segment)) + 1
+    for start, stop in pairwise([0, *cuts.tolist(), segment.size]):
+        yield slice(start, stop)
 
 
 def columns_of(names: Sequence[str], rows: ArrayLike) -> Columns:

@@ -1,7 +1,6 @@
 """The whole path with real nodes: plan a flip, fly, record, replay, view; then a real glider."""
 
 import argparse
-import json
 import os
 import sys
 import tempfile
@@ -15,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ..errors import FlightdynError
-from ..export import deviation
+from ..export import deviation, write_flight
 from ..logs.recorded import read_flights
 from ..planning.plan_file import plan_document
 from ..planning.planner import Plan
@@ -160,8 +159,7 @@ def _write_flip(folder: Path, plan: Plan, flown: Trajectory, replay: Replay) -> 
     from ..viewing import figures
     from ..viewing.rerun_view import save_rrd
 
-    document = json.dumps(plan_document(plan), indent=1)
-    (folder / 'plan.json').write_text(document + '\n', encoding='utf-8')
+    write_flight(folder / 'plan.json', plan.trajectory, plan_document(plan))
     save_rrd(folder / 'flight.rrd', flown, planned=plan.trajectory, name='quadcopter flip')
     figures.save_figure(figures.flip_figure(plan.trajectory), folder / 'flip.png')
     figures.save_figure(figures.history_figure(plan.trajectory), folder / 'plan.png')

@@ -86,12 +86,12 @@ class Planner:
             shooting, solver = self._build(problem, mesh)
             build_s += time.perf_counter() - before
             scale = shooting.scale(problem)
-            lower, upper = shooting.bounds(problem)
+            lower, upper = shooting.bounds(problem, scale)
             solution = solver.solve(
                 np.clip(shooting.pack(guess or shooting.guess(problem), scale), lower, upper),
                 lower,
                 upper,
-                shooting.parameters(problem),
+                shooting.parameters(problem, scale),
                 max_wall_time=problem.max_wall_time - (time.perf_counter() - started),
                 on_iteration=on_iteration,
                 should_stop=should_stop,

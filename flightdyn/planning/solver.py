@@ -58,11 +58,9 @@ class Solution:
     code: ResultCode
     status: str
     variables: Array
-    objective: float
     gaps: Array
     violation: float
     iterations: int
-    wall_s: float
 
 
 OnIteration = Callable[[Iteration], None]
@@ -74,14 +72,12 @@ class Solver:
     def __init__(self, programme: dict[str, Any], derivatives: dict[str, Any]) -> None:
         self._lock = threading.Lock()
         self._callback = _Callback(programme)
-        started = time.perf_counter()
         self._nlp = cas.nlpsol(
             'plan',
             'ipopt',
             programme,
             {**OPTIONS, **derivatives, 'iteration_callback': self._callback},
         )
-        self.build_s = time.perf_counter() - started
 
     def solve(
         self,
@@ -114,11 +110,9 @@ class Solver:
             code=code,
             status=status,
             variables=variables,
-            objective=float(result['f']),
             gaps=gaps,
             violation=_violation(variables, gaps, lower, upper),
             iterations=int(stats['iter_count']),
-            wall_s=time.perf_counter() - watch.started,
         )
 
 

@@ -109,11 +109,11 @@ class MultipleShooting:
             sizes.append(size if size > 0 else 1.0)
         return np.array([*sizes, guess_duration(problem)])
 
-    def parameters(self, problem: Problem) -> Array:
+    def parameters(self, problem: Problem, scale: Array) -> Array:
         """Return the programme's parameters: wind and scales."""
-        return np.concatenate([np.asarray(problem.wind_ned, float), self.scale(problem)])
+        return np.concatenate([np.asarray(problem.wind_ned, float), scale])
 
-    def bounds(self, problem: Problem) -> tuple[Array, Array]:
+    def bounds(self, problem: Problem, scale: Array) -> tuple[Array, Array]:
         """Return lower and upper bounds of the scaled variables."""
         limits = np.array([problem.limits(name) for name in self.stage.states])
         states = np.repeat(limits[:, :, None], self.mesh.intervals + 1, axis=2)
@@ -123,7 +123,6 @@ class MultipleShooting:
                 row[0], row[1] = max(row[0], lower), min(row[1], upper)
         limits = np.array([problem.limits(name) for name in self.stage.controls])
         controls = np.repeat(limits[:, :, None], self.mesh.control_nodes, axis=2)
-        scale = self.scale(problem)
         ends = [Point(states[:, i], controls[:, i], problem.duration[i]) for i in range(2)]
         return self.pack(ends[0], scale), self.pack(ends[1], scale)
 

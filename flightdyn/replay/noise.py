@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..trajectory import stretches
 from . import gauss_markov as gm
 from .smoother import ACCELERATION_PRIOR, VELOCITY_PRIOR
 
@@ -95,7 +95,7 @@ def estimate_noise(
     .. [1] Bar-Shalom, Li, Kirubarajan, *Estimation with Applications to Tracking and Navigation*,
        2001, section 11.6, innovation-based likelihood.
     """
-    windows = _windows(time, position, segment)
+    windows = _windows(position, segment)
     fixed = [_each_axis(value) for value in (position_std, velocity_std, jerk_density)]
     if velocity is not None and not np.isfinite(velocity).any():
         velocity = None
@@ -146,12 +146,13 @@ def _grids(
     return grids
 
 
-def _windows(time: Array, position: Array, segment: NDArray[np.int64]) -> list[slice]:
+def _windows(position: Array, segment: NDArray[np.int64]) -> list[slice]:
     """Return stretches without a gap in which the vehicle moves, at most `_WINDOWS` of them."""
-    cuts = [0, *(np.flatnonzero(np.diff(segment)) + 1).tolist(), time.size]
-    pieces: list[slice] = []
-    for start, stop in pairwise(cuts):
-        pieces += [slice(i, min(i + _WINDOW, stop)) for i in range(start, stop, _WINDOW)]
+    pieces = [
+        slice(i, min(i + _WINDOW, part.stop))
+        for part in stretches(segment)
+        for i in range(part.start, part.stop, _WINDOW)
+    ]
     extent = np.nan_to_num([np.ptp(position[p], axis=0).max() for p in pieces])
     lengths = np.array([p.stop - p.start for p in pieces])
     keep = np.flatnonzero((extent >= 0.05 * extent.max()) & (lengths >= min(12, lengths.max())))

@@ -1,8 +1,6 @@
 """From measured positions and velocities to the motion of a point mass."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +9,7 @@ from .. import frames
 from ..environment.geodesy import GeodeticPoint, geodetic_from_ned, ned_from_geodetic
 from ..errors import InputError
 from ..logs.track import Track
-from ..trajectory import Trajectory
+from ..trajectory import Trajectory, stretches
 from .noise import MIN_STD, estimate_noise
 from .smoother import smooth
 
@@ -113,7 +111,7 @@ def reconstruct(
 
     vectors = np.empty((3, time.size, 3))
     variances = np.empty((2, time.size, 3))
-    for piece in _segments(samples.segment):
+    for piece in stretches(samples.segment):
         smoothed = smooth(
             time[piece],
             position[piece],
@@ -327,13 +325,6 @@ def _step(values: Array) -> float:
     # A steady climb passes evenly spaced heights too, but with one increment only.
     increments = np.unique(np.round(np.abs(np.diff(values)) / step))
     return step if on_grid.mean() > 0.9 and increments.size >= 4 else 0.0
-
-
-def _segments(segment: NDArray[np.int64]) -> Iterator[slice]:
-    cuts = np.flatnonzero(np.diff(segment)) + 1
-    bounds = [0, *cuts.tolist(), segment.size]
-    for start, stop in pairwise(bounds):
-        yield slice(start, stop)
 
 
 @dataclass(frozen=True)
