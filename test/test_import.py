@@ -10,9 +10,9 @@ HEAVY = {'rclpy', 'rerun', 'scipy', 'matplotlib', 'pyarrow', 'rosbags', 'mcap', 
 
 # from the ground up; a package may import those before it
 LAYERS = [
-    *('errors', 'numpy', 'files', 'config', 'frames', 'environment', 'resources', 'trajectory'),
-    *('tables', 'dynamics', 'vehicles', 'logs', 'replay', 'simulation', 'planning', 'viewing'),
-    *('export', 'cli', 'nodes'),
+    *('errors', 'units', 'numpy', 'files', 'config', 'frames', 'environment', 'resources'),
+    *('trajectory', 'tables', 'dynamics', 'vehicles', 'logs', 'replay', 'simulation'),
+    *('planning', 'viewing', 'export', 'cli', 'nodes'),
 ]
 
 
