@@ -293,7 +293,7 @@ def _models(arguments: argparse.Namespace) -> int:
             'class': name,
             'kind': 'rigid body' if hasattr(cls, 'add_moment') else 'point mass',
             'states': list(cls.states),
-            'controls': [*cls.indirect_controls, *cls.loads],
+            'controls': [*cls.indirect_controls, *cls.loads, *cls.rotor_momenta],
         }
         for name, cls in FAMILY.items()
     ]

@@ -1,18 +1,29 @@
 """The stage function: a model's physics traced once, for planning, simulation and replay alike."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as cas
+import numpy as _np
+from numpy.typing import NDArray
 
 from .. import numpy as np
-from ..frames import euler_from_rotation
+from ..config import suggestion
+from ..environment.atmosphere import Atmosphere
+from ..environment.wind import ConstantWind, Wind
+from ..errors import InputError
+from ..frames import Rotation, euler_from_rotation, transpose
 from ..numpy import Vectorizable
 from .base import Dynamics
 from .mass_properties import MassProperties
 
+Array = NDArray[_np.float64]
+
 WIND = ('wind_x_e', 'wind_y_e', 'wind_z_e')
-"""Parameters of every stage function: where the air moves to, earth axes [m/s]."""
+"""Where the air moves to besides the model's own wind, earth axes [m/s]."""
+
+PARAMETERS = (*WIND, 'time')
+"""Parameters of every stage function: wind, and time [s] for what depends on it."""
 
 KINEMATICS = (
     *('x_e', 'y_e', 'z_e', 'u_e', 'v_e', 'w_e', 'phi', 'theta', 'psi', 'p', 'q', 'r'),
@@ -34,9 +45,13 @@ class Model:
     dynamics : type
         A class of the Dynamics family.
     controls : mapping of name to (lower, upper)
-        What can be commanded, with its limits, in SI units.
+        What can be commanded, with its limits, in SI units. A control named like an indirect
+        control or a rotor momentum of the class is set as that.
     attach : function of (dynamics, controls by name)
-        Adds forces and moments to the instance.
+        Adds forces and moments to the instance, whose `time` and wind it may use.
+    wind : callable (x_e, y_e, z_e, time) -> (x, y, z), optional
+        Where the air moves to, earth axes [m/s]; the stage's parameters add to it.
+    atmosphere : callable of altitude [m] -> Atmosphere
     """
 
     vehicle: str
@@ -44,17 +59,26 @@ class Model:
     mass_props: MassProperties
     controls: Mapping[str, tuple[float, float]]
     attach: Attach
+    wind: Wind | None = None
+    atmosphere: Callable[[Vectorizable], Atmosphere] = Atmosphere
 
     def stage(self) -> 'Stage':
         """Trace the model with scalar symbols."""
         x = {name: cas.SX.sym(name) for name in self.dynamics.states}
         u = {name: cas.SX.sym(name) for name in self.controls}
-        p = {name: cas.SX.sym(name) for name in WIND}
-        indirect = {k: v for k, v in u.items() if k in self.dynamics.indirect_controls}
-        dyn = self.dynamics(mass_props=self.mass_props, **x, **indirect)  # type: ignore[arg-type]
+        p = {name: cas.SX.sym(name) for name in PARAMETERS}
+        steered = (*self.dynamics.indirect_controls, *self.dynamics.rotor_momenta)
+        dyn = self.dynamics(
+            mass_props=self.mass_props,
+            wind=ConstantWind(*(p[name] for name in WIND)) + self.wind,
+            time=p['time'],
+            atmosphere=self.atmosphere,
+            **x,
+            **{name: value for name, value in u.items() if name in steered},
+        )
         self.attach(dyn, u)
         derivatives = dyn.state_derivatives()
-        every = _kinematics(dyn, tuple(p.values()))
+        every = _kinematics(dyn)
         outputs = {k: v for k, v in every.items() if k not in x and k not in u}
         function = cas.Function(
             'stage',
@@ -65,6 +89,7 @@ class Model:
             ],
             ['x', 'u', 'p'],
             ['dx', 'outputs'],
+            {'cse': True},
         )
         return Stage(tuple(x), tuple(u), tuple(outputs), function)
 
@@ -77,18 +102,72 @@ class Stage:
     controls: tuple[str, ...]
     outputs: tuple[str, ...]
     function: cas.Function
+    parameters: tuple[str, ...] = PARAMETERS
+
+    def right_hand_side(
+        self,
+        controls: Mapping[str, float] | None = None,
+        wind: Sequence[float] = (0.0, 0.0, 0.0),
+    ) -> Callable[[float, Array], Array]:
+        """Return a compiled f(t, y) -> dy/dt, as `scipy.integrate.solve_ivp` wants it.
+
+        Parameters
+        ----------
+        controls : mapping of name to value
+            Held throughout; every control of the stage.
+        wind : x, y, z [m/s]
+            Where the air moves to besides the model's own wind, earth axes.
+
+        Returns
+        -------
+        function of time [s] and state (n_states,)
+            Gives a new array (n_states,) each time; not for two threads at once.
+
+        Raises
+        ------
+        InputError
+            If a control is missing or unknown.
+        """
+        given = dict(controls or {})
+        for name in given:
+            if name not in self.controls:
+                raise InputError(
+                    f"the stage has no control '{name}'{suggestion(name, self.controls)}"
+                )
+        missing = [name for name in self.controls if name not in given]
+        if missing:
+            raise InputError(f'the stage also needs the control {", ".join(missing)}')
+        function = cas.Function('f', *_only_derivatives(self.function))
+        buffer, evaluate = function.buffer()
+        x, dx = _np.zeros(len(self.states)), _np.zeros(len(self.states))
+        u = _np.array([float(given[name]) for name in self.controls])
+        p = _np.array([*(float(w) for w in wind), 0.0])
+        for i, array in enumerate((x, u, p)):
+            buffer.set_arg(i, memoryview(array))  # type: ignore[call-arg, arg-type]
+        buffer.set_res(0, memoryview(dx))  # type: ignore[call-arg, arg-type]
+
+        def right_hand_side(t: float, y: Array) -> Array:
+            x[:] = y
+            p[3] = t
+            evaluate()
+            return dx.copy()
+
+        # what is compiled holds addresses alone: its owners must live as long as the function
+        right_hand_side.owners = function, buffer, u  # type: ignore[attr-defined]
+        return right_hand_side
 
 
-def _kinematics(dyn: Dynamics, wind: tuple[cas.SX, ...]) -> dict[str, Vectorizable]:
+def _only_derivatives(function: cas.Function) -> tuple[list[cas.SX], list[cas.SX]]:
+    symbols = [cas.SX.sym('xup'[i], function.size1_in(i)) for i in range(3)]
+    return symbols, [function(*symbols)[0]]
+
+
+def _kinematics(dyn: Dynamics) -> dict[str, Vectorizable]:
     u_e, v_e, w_e = dyn.velocity_earth
-    horizontal = np.hypot(u_e, v_e)
     if hasattr(dyn, 'theta'):
         phi, theta, psi = dyn.phi, dyn.theta, dyn.psi  # type: ignore[attr-defined]
     else:
-        columns = [dyn.convert_axes(*axis, 'body', 'earth') for axis in _UNIT_VECTORS]
-        r_eb = tuple(zip(*columns, strict=True))
-        phi, theta, psi = euler_from_rotation(r_eb)  # type: ignore[arg-type]
-    air = tuple(v - w for v, w in zip((u_e, v_e, w_e), wind, strict=True))
+        phi, theta, psi = euler_from_rotation(_rotation(dyn, 'body'))
     values: dict[str, Vectorizable] = {
         'u_e': u_e,
         'v_e': v_e,
@@ -96,24 +175,27 @@ def _kinematics(dyn: Dynamics, wind: tuple[cas.SX, ...]) -> dict[str, Vectorizab
         'phi': phi,
         'theta': theta,
         'psi': psi,
-        'speed': np.hypot(u_e, v_e, w_e),
-        'gamma': np.arctan2(-w_e, horizontal),
+        'speed': dyn.speed,
+        'gamma': np.arctan2(-w_e, np.hypot(u_e, v_e)),
         'track': np.arctan2(v_e, u_e),
-        'alpha': dyn.alpha,
-        'beta': dyn.beta,
-        'airspeed': np.hypot(*air),
+        'airspeed': dyn.airspeed,
         'load_factor': dyn.load_factor,
         'bank': _bank(dyn),
     }
-    return {name: values.get(name, getattr(dyn, name, cas.SX(0))) for name in KINEMATICS}
+    return {name: values.get(name, getattr(dyn, name, 0.0)) for name in KINEMATICS}
 
 
-_UNIT_VECTORS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+def _rotation(dyn: Dynamics, axes: str) -> Rotation:
+    """Return the rotation from given axes to earth axes."""
+    first, second, third = (
+        dyn.convert_axes(*axis, axes, 'earth')
+        for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    )
+    return transpose((first, second, third))
 
 
 def _bank(dyn: Dynamics) -> Vectorizable:
-    """Return the roll of the wind axes about the velocity."""
+    """Return the roll of the wind axes about the velocity through the air."""
     if 'bank' in dyn.indirect_controls:
         return dyn.bank  # type: ignore[attr-defined]
-    columns = [dyn.convert_axes(*axis, 'wind', 'earth') for axis in _UNIT_VECTORS]
-    return euler_from_rotation(tuple(zip(*columns, strict=True)))[0]  # type: ignore[arg-type]
+    return euler_from_rotation(_rotation(dyn, 'wind'))[0]

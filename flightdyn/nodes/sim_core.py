@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from .. import frames
 from ..dynamics.stage import WIND, Stage
 from ..errors import InputError
+from ..simulation.gusts import Gusts
 from ..simulation.simulator import Simulator
 from ..trajectory import Trajectory
 from ..vehicles.vehicle import Vehicle
@@ -91,6 +92,8 @@ class SimCore:
         What the clock shows before the first run [ns].
     wind : x, y, z [m/s]
         Where the air moves to, unless a plan says so itself.
+    gusts : Gusts, optional
+        Turbulence on top of it.
     on_plan_end : function
         Called after the sample at a plan's end.
     clock : function
@@ -108,11 +111,13 @@ class SimCore:
         real_time_factor: float = 1.0,
         after_plan: str = 'pause',
         wind: Sequence[float] = (0.0, 0.0, 0.0),
+        gusts: Gusts | None = None,
         on_plan_end: Callable[[], None] = lambda: None,
         clock: Callable[[], float] = _time.monotonic,
     ) -> None:
         self._load, self._publish, self._on_plan_end = load_vehicle, publish, on_plan_end
-        self._vehicle, self._rate, self._wind = vehicle, rate, tuple(wind)
+        self._vehicle, self._rate = vehicle, rate
+        self._wind, self._gusts = tuple(wind), gusts
         self._clock = clock
         self.after_plan = after_plan
         self._factor = real_time_factor
@@ -295,7 +300,7 @@ class SimCore:
             float(controls.outputs[name][0]) if name in controls.outputs else default
             for name, default in zip(WIND, self._wind, strict=True)
         ]
-        simulator = Simulator(vehicle.model(), initial, controls, wind=wind)
+        simulator = Simulator(vehicle.model(), initial, controls, wind=wind, gusts=self._gusts)
         return Run(
             vehicle=vehicle,
             simulator=simulator,
@@ -316,7 +321,7 @@ class SimCore:
             states=states,
             controls=controls,
             outputs=outputs,
-            specific_force_b=self.run.specific_force(states, controls, simulator.wind),
+            specific_force_b=self.run.specific_force(states, controls, simulator.parameters),
             vehicle=self.run.vehicle.name,
             model=self.run.vehicle.model_name,
         )
@@ -341,9 +346,9 @@ def specific_force(stage: Stage, gravity: float) -> SpecificForce:
     function = cas.Function('specific_force', [x, u, p], [cas.vertcat(*force)])
 
     def evaluate(
-        states: Mapping[str, float], controls: Mapping[str, float], wind: Array
+        states: Mapping[str, float], controls: Mapping[str, float], parameters: Array
     ) -> tuple[float, float, float]:
-        result = function(list(states.values()), list(controls.values()), wind)
+        result = function(list(states.values()), list(controls.values()), parameters)
         x_b, y_b, z_b = result.full().ravel().tolist()
         return x_b, y_b, z_b
 

@@ -20,6 +20,7 @@ from flightdyn_msgs.srv import SetRate, Step
 from ..environment.geodesy import GeodeticPoint
 from ..errors import FlightdynError, InputError
 from ..logs.recording import McapRecorder
+from ..simulation.gusts import Gusts
 from ..vehicles.vehicle import load_vehicle
 from .base import LATCHED, SENSOR, STATE, BaseNode
 from .convert import (
@@ -72,6 +73,15 @@ class SimParameters:
         length=3,
         read_only=True,
     )
+    gusts: str = parameter(
+        'none',
+        'Dryden turbulence on top of the wind',
+        choices=('none', 'light', 'moderate', 'severe'),
+        read_only=True,
+    )
+    gust_seed: int = parameter(
+        0, 'the same seed makes the same gusts', lower=0, upper=2**31 - 1, read_only=True
+    )
     record: str = parameter(
         '', 'MCAP file to record to; it is replaced; empty for none', read_only=True
     )
@@ -118,6 +128,9 @@ class SimNode(BaseNode):
             real_time_factor=values.real_time_factor,
             after_plan=values.after_plan,
             wind=values.wind_ned,
+            gusts=None
+            if values.gusts == 'none'
+            else Gusts(severity=values.gusts, seed=values.gust_seed),
             epoch_ns=int(time.time()) * 10**9,
             on_plan_end=self._on_plan_end,
         )

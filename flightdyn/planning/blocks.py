@@ -23,7 +23,7 @@ def block_derivatives(
     ----------
     interval : Function of (z, p)
         Gives the constraints (m,) of an interval from its variables z (nz,), but for a part that
-        is linear; the objective is linear, too.
+        is linear; the objective is linear, too. The last of p is the interval's number.
     gather : int array (nz, n)
         Which of the programme's variables z is in each interval, increasing down each column.
     linear : row and column indices
@@ -40,9 +40,9 @@ def block_derivatives(
     hessian_block = cas.triu(cas.hessian(cas.dot(lam, phi), z)[0])
     hessian = cas.Function('hessian', [z, p, lam], [hessian_block])
 
-    w, parameters = cas.MX.sym('w', size), cas.MX.sym('p', interval.size1_in(1))
+    w, parameters = cas.MX.sym('w', size), cas.MX.sym('p', interval.size1_in(1) - 1)
     local = cas.reshape(w[gather.ravel(order='F').tolist()], nz, n)
-    repeated = cas.repmat(parameters, 1, n)
+    repeated = numbered(parameters, n)
     values, blocks = jacobian.map(n)(local, repeated)
     row, column = _places(jacobian.sparsity_out(1), n)
     interval_of = column // nz
@@ -73,6 +73,11 @@ def block_derivatives(
             ['triu_hess_gamma_x_x'],
         ),
     }
+
+
+def numbered(parameters: cas.MX, n: int) -> cas.MX:
+    """Return the programme's parameters for each of n intervals, its number below them."""
+    return cas.vertcat(cas.repmat(parameters, 1, n), cas.DM(range(n)).T)
 
 
 def _places(block: cas.Sparsity, n: int) -> tuple[Index, Index]:

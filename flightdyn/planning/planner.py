@@ -190,7 +190,7 @@ def _message(
     if solution.status == 'Invalid_Number_Detected':
         return (
             f'{solution.status}: the model gives values that are not numbers; keep the guess and '
-            'the path bounds away from where it is singular, such as speed = 0'
+            'the path bounds away from where it is singular'
         )
     worst = int(np.argmax(np.abs(solution.gaps)))
     gap = shooting.describe_gap(worst, shooting.scale(problem), float(solution.gaps[worst]))
@@ -208,10 +208,12 @@ def _trajectory(problem: Problem, shooting: MultipleShooting, point: Point) -> T
     states, controls = np.nan_to_num(point.states), np.nan_to_num(point.controls)
     if controls.shape[1] == n:
         controls = np.column_stack([controls, controls[:, -1]])
+    time = np.linspace(0, point.duration, n + 1)
     wind = np.repeat(np.asarray(problem.wind_ned, float)[:, None], n + 1, axis=1)
-    outputs = np.nan_to_num(stage.function.map(n + 1)(states, controls, wind)[1].full())
+    parameters = np.vstack([wind, time])
+    outputs = np.nan_to_num(stage.function.map(n + 1)(states, controls, parameters)[1].full())
     return Trajectory(
-        time=np.linspace(0, point.duration, n + 1),
+        time=time,
         states=dict(zip(stage.states, states, strict=True)),
         controls=dict(zip(stage.controls, controls, strict=True)),
         outputs=dict(zip(stage.outputs, outputs, strict=True)),

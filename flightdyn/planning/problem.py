@@ -131,6 +131,12 @@ class Problem:
                     f'{self.name}: {group}.{name}: [{lower:g}, {upper:g}] is not a range '
                     'from lower to upper'
                 )
+            singular = self.vehicle.model().dynamics.singular_at.get(name)
+            if singular is not None and lower == upper == singular:
+                raise InputError(
+                    f'{self.name}: {group}.{name}: {self.vehicle.model_name} is singular at '
+                    f'{name} = {singular:g}: keep away from it, if only by a little'
+                )
             path_lower, path_upper = self.path.get(name, (-math.inf, math.inf))
             if lower > path_upper or upper < path_lower:
                 raise InputError(

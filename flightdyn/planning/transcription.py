@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..dynamics.stage import Stage
 from ..simulation.integrator import rk4_step
 from ..trajectory import Interpolation
-from .blocks import block_derivatives
+from .blocks import block_derivatives, numbered
 from .guess import guess_columns, guess_duration
 from .problem import Problem
 
@@ -60,9 +60,9 @@ class MultipleShooting:
         self.size = self.nx * (n + 1) + self.nu * m + 1
         interval, gather = self._interval(), self._gather()
         ends = np.arange(self.nx * n) + self.nx  # the states at each interval's end
-        w, p = cas.MX.sym('w', self.size), cas.MX.sym('p', interval.size1_in(1))
+        w, p = cas.MX.sym('w', self.size), cas.MX.sym('p', interval.size1_in(1) - 1)
         local = cas.reshape(w[gather.ravel(order='F').tolist()], len(gather), n)
-        flown = interval.map(n)(local, cas.repmat(p, 1, n))
+        flown = interval.map(n)(local, numbered(p, n))
         self.programme = {'x': w, 'p': p, 'f': w[-1], 'g': cas.vec(flown) - w[ends.tolist()]}
         self.derivatives = block_derivatives(
             interval, gather, (np.arange(self.nx * n), ends), self.nx * n, self.size
@@ -72,7 +72,7 @@ class MultipleShooting:
         """Return (z, p) -> scaled state flown to the end of an interval.
 
         z is the state and controls at its beginning, the controls at its end where they run, and
-        the duration of the whole, all scaled; p is wind and scales.
+        the duration of the whole, all scaled; p is wind, scales and the interval's number.
         """
         linear = self.mesh.control_interpolation == 'linear'
         x, u0, duration = (cas.SX.sym(s, k) for s, k in (('x', self.nx), ('u', self.nu), ('t', 1)))
@@ -80,10 +80,12 @@ class MultipleShooting:
         wind, scale = cas.SX.sym('wind', 3), cas.SX.sym('scale', self.nx + self.nu + 1)
         x_scale, u_scale = scale[: self.nx], scale[self.nx : -1]
         step = duration * scale[-1] / self.mesh.intervals
+        number = cas.SX.sym('number')
+        p = cas.vertcat(wind, number * step)
         fly = rk4_step(self.stage, self.mesh.substeps)
-        flown = fly(x * x_scale, u0 * u_scale, u1 * u_scale, wind, step) / x_scale
+        flown = fly(x * x_scale, u0 * u_scale, u1 * u_scale, p, step) / x_scale
         z = cas.vertcat(x, u0, u1, duration) if linear else cas.vertcat(x, u0, duration)
-        return cas.Function('interval', [z, cas.vertcat(wind, scale)], [flown])
+        return cas.Function('interval', [z, cas.vertcat(wind, scale, number)], [flown])
 
     def _gather(self) -> NDArray[np.int64]:
         """Return which variables make z of each interval, (nz, intervals)."""

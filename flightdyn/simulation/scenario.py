@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -10,9 +11,11 @@ from ..errors import InputError
 from ..resources import find_config
 from ..trajectory import Trajectory
 from ..vehicles.vehicle import Vehicle, load_vehicle
+from .gusts import Gusts
 from .simulator import Simulator
 
-KEYS = ('description', 'vehicle', 'duration', 'initial', 'controls', 'wind_ned')
+KEYS = ('description', 'vehicle', 'duration', 'initial', 'controls', 'wind_ned', 'gusts')
+GUST_KEYS = ('severity', 'seed', 'wind_at_20_ft')
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +29,7 @@ class Scenario:
     initial: dict[str, float]
     controls: dict[str, float]
     wind_ned: tuple[float, ...]
+    gusts: Gusts | None
 
     def simulator(self) -> Simulator:
         """Return a simulator at the scenario's start."""
@@ -35,7 +39,9 @@ class Scenario:
             controls={name: np.full(1, value) for name, value in self.controls.items()},
             control_interpolation='previous',
         )
-        return Simulator(self.vehicle.model(), self.initial, held, wind=self.wind_ned)
+        return Simulator(
+            self.vehicle.model(), self.initial, held, wind=self.wind_ned, gusts=self.gusts
+        )
 
 
 def load_scenario(name: str, config_dir: str | Path | None = None) -> Scenario:
@@ -80,4 +86,20 @@ def load_scenario(name: str, config_dir: str | Path | None = None) -> Scenario:
         initial={k: number(v, f'{path}: initial.{k}') for k, v in initial.items()},
         controls=held,
         wind_ned=tuple(number(w, f'{path}: wind_ned') for w in wind),
+        gusts=_gusts(document['gusts'], f'{path}: gusts') if 'gusts' in document else None,
     )
+
+
+def _gusts(value: Any, where: str) -> Gusts:
+    given = check_keys(value, GUST_KEYS, where)
+    if 'severity' in given:
+        given['severity'] = text(given['severity'], f'{where}.severity')
+    if 'wind_at_20_ft' in given:
+        given['wind_at_20_ft'] = number(given['wind_at_20_ft'], f'{where}.wind_at_20_ft')
+    seed = given.get('seed', 0)
+    if isinstance(seed, bool) or not isinstance(seed, int):
+        raise InputError(f'{where}.seed: expected a whole number, got {seed!r}')
+    try:
+        return Gusts(**given)
+    except InputError as error:
+        raise InputError(f'{where}: {error}') from None

@@ -11,6 +11,7 @@ from ..config import suggestion
 from ..dynamics.stage import Model
 from ..errors import InputError
 from ..trajectory import Columns, Trajectory
+from .gusts import GUST_STEP, Gusts, gust_earth
 from .integrator import rk4_step
 
 Array = NDArray[np.float64]
@@ -32,6 +33,8 @@ class Simulator:
         Whose controls are followed, by its own time; beyond its ends they hold.
     wind : x, y, z [m/s]
         Where the air moves to, earth axes.
+    gusts : Gusts, optional
+        Turbulence on top of the wind; it starts anew at a reset.
     max_step : float
         Longest integration step [s].
 
@@ -48,11 +51,13 @@ class Simulator:
         controls: Trajectory,
         *,
         wind: Sequence[float] = (0.0, 0.0, 0.0),
+        gusts: Gusts | None = None,
         max_step: float = MAX_STEP,
     ) -> None:
         self.model = model
         self.stage = model.stage()
         self.wind = np.array(wind, dtype=float)
+        self.gusts = gusts
         self._steps: dict[int, cas.Function] = {}
         self._max_step = max_step
         self.follow(controls)
@@ -68,8 +73,19 @@ class Simulator:
                 )
             if not math.isfinite(value):
                 raise InputError(f'initial {name} is {value}: must be finite')
+        for name, value in self.model.dynamics.singular_at.items():
+            if initial.get(name, 0.0) == value:
+                raise InputError(
+                    f'{self.model.vehicle} cannot start at {name} = {value:g}, where '
+                    f'{self.model.dynamics.__name__} is singular: give another initial {name}'
+                )
         self._x = np.array([float(initial.get(name, 0.0)) for name in self.stage.states])
         self.time = time
+        self._gust = np.zeros(3)
+        if self.gusts is not None:
+            self._gusting = self.gusts.start()
+            self._start, self._blown = time, 0
+            self._blow()
 
     def follow(self, controls: Trajectory) -> None:
         """Follow the controls of a trajectory from now on."""
@@ -90,8 +106,13 @@ class Simulator:
             If the state grows beyond all bounds.
         """
         breaks = self._controls.time
+        if self.gusts is not None:
+            last = math.ceil((time - self._start) / GUST_STEP)
+            breaks = np.union1d(breaks, self._start + GUST_STEP * np.arange(self._blown, last))
         inside = breaks[(breaks > self.time) & (breaks < time)]
         for end in (*inside.tolist(), time):
+            if self.gusts is not None and self.time >= self._start + GUST_STEP * self._blown:
+                self._blow()
             span = end - self.time
             if span <= 0:
                 continue
@@ -103,11 +124,26 @@ class Simulator:
             for i in range(calls):
                 u_begin = u0 + (u1 - u0) * (i / calls)
                 u_end = u0 + (u1 - u0) * ((i + 1) / calls)
-                x = step(self._x, u_begin, u_end, self.wind, span / calls)
+                x = step(self._x, u_begin, u_end, self.parameters, span / calls)
                 self._x = x.full().ravel()
+                self.time += span / calls
             self.time = end
         if not np.isfinite(self._x).all():
             raise InputError(f'the state of {self.model.vehicle} diverged before {time:g} s')
+
+    @property
+    def parameters(self) -> Array:
+        """The stage's parameters now: wind and gust [m/s], and time [s]."""
+        return np.append(self.wind + self._gust, self.time)
+
+    def _blow(self) -> None:
+        """Let the gust of the next GUST_STEP begin."""
+        states, _, outputs = self.sample()
+        now = states | outputs
+        velocity = np.array([now[name] for name in ('u_e', 'v_e', 'w_e')])
+        dt = GUST_STEP if self._blown else 0.0
+        self._gust = gust_earth(self._gusting, dt, velocity, self.wind, -now['z_e'])
+        self._blown += 1
 
     def _step_of(self, substeps: int) -> cas.Function:
         if substeps not in self._steps:
@@ -127,7 +163,7 @@ class Simulator:
         """Return states, controls and outputs now."""
         u = {name: float(v[0]) for name, v in self._controls.control_at([self.time]).items()}
         u = {name: u[name] for name in self.stage.controls}
-        _, outputs = self.stage.function(self._x, list(u.values()), self.wind)
+        _, outputs = self.stage.function(self._x, list(u.values()), self.parameters)
         return (
             dict(zip(self.stage.states, self._x.tolist(), strict=True)),
             u,

@@ -10,6 +10,7 @@ from ..dynamics import FAMILY, Dynamics, MassProperties
 from ..dynamics.base import G
 from ..dynamics.stage import Model
 from ..errors import InputError
+from ..frames import cross
 from ..numpy import Vectorizable
 from ..resources import find_config, list_configs
 
@@ -72,15 +73,7 @@ class Vehicle:
             fx, fy, fz = (controls[name] * axis for axis in rotor.direction)
             dyn.add_force(fx, fy, fz, axes='body')
             if hasattr(dyn, 'add_moment'):
-                dyn.add_moment(*_cross(rotor.position, (fx, fy, fz)), axes='body')
-
-
-def _cross(a: tuple[Any, ...], b: tuple[Any, ...]) -> tuple[Any, Any, Any]:
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
+                dyn.add_moment(*cross(rotor.position, (fx, fy, fz)), axes='body')
 
 
 def load_vehicle(name: str, config_dir: str | Path | None = None) -> Vehicle:

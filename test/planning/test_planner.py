@@ -14,6 +14,7 @@ from flightdyn.planning.transcription import Mesh, MultipleShooting, Point
 from flightdyn.planning.verify import verify
 from flightdyn.resources import list_configs
 from flightdyn.simulation.simulator import Simulator, fly
+from flightdyn.trajectory import Trajectory
 from flightdyn.vehicles.vehicle import load_vehicle
 
 # minimum time by switch-time optimization with DOP853, 149 starts, terminal error 9e-9
@@ -117,7 +118,7 @@ def test_impossible_request_says_what_is_violated(planner: Planner) -> None:
     assert len(plan.trajectory) == 81
 
 
-def test_a_singular_start_is_explained(planner: Planner, tmp_path: Path) -> None:
+def test_a_singular_start_is_refused(tmp_path: Path) -> None:
     (tmp_path / 'vehicles').mkdir()
     (tmp_path / 'vehicles' / 'kite.yaml').write_text(
         'model: DynamicsPointMass3DSpeedGammaTrack\nmass: 1\n'
@@ -127,10 +128,12 @@ def test_a_singular_start_is_explained(planner: Planner, tmp_path: Path) -> None
         'vehicle: kite\nduration: {lower: 0.1, upper: 9, guess: 1}\nfinal: {x_e: 5}\n'
         'initial: {x_e: 0, speed: 0}\nnodes: 5\n'
     )
-    problem = load_problem(str(tmp_path / 'problem.yaml'), (), tmp_path)
-    report = planner.plan(problem).report
-    assert report.code == ResultCode.INFEASIBLE
-    assert 'speed = 0' in report.message
+    with pytest.raises(InputError, match=r'initial\.speed: .*GammaTrack is singular at speed = 0'):
+        load_problem(str(tmp_path / 'problem.yaml'), (), tmp_path)
+    kite = load_vehicle('kite', tmp_path).model()
+    held = Trajectory(time=np.zeros(1), states={}, controls={'pull': np.ones(1)})
+    with pytest.raises(InputError, match='kite cannot start at speed = 0'):
+        Simulator(kite, {'x_e': 1.0}, held)
 
 
 def test_cancel_ends_at_the_next_iteration(planner: Planner) -> None:

@@ -59,9 +59,9 @@ def test_open_loop_scenario_ends_where_dop853_does() -> None:
 
 def test_rk4_converges_with_fourth_order() -> None:
     # q = 0 and equal thrusts would be integrated exactly; the spin makes the problem hard enough
-    x0, u, wind = [0, 0, 3, 1, 0.3, 8.0], [0.9, 0.2], [0, 0, 0]
+    x0, u, p = [0, 0, 3, 1, 0.3, 8.0], [0.9, 0.2], [0, 0, 0, 0]
     exact = solve_ivp(
-        lambda t, x: STAGE.function(x, u, wind)[0].full().ravel(),
+        lambda t, x: STAGE.function(x, u, p)[0].full().ravel(),
         (0, 0.5),
         x0,
         method='DOP853',
@@ -70,7 +70,7 @@ def test_rk4_converges_with_fourth_order() -> None:
     ).y[:, -1]
     errors = []
     for substeps in (4, 8, 16, 32, 64):
-        end = rk4_step(STAGE, substeps)(x0, u, u, wind, 0.5).full().ravel()
+        end = rk4_step(STAGE, substeps)(x0, u, u, p, 0.5).full().ravel()
         errors.append(np.abs(end - exact).max())
     slopes = np.log2(np.array(errors[:-1]) / errors[1:])
     assert slopes[-1] == pytest.approx(4, abs=0.2)

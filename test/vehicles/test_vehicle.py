@@ -30,7 +30,7 @@ def test_stage_gives_every_kinematic_quantity_once(vehicle) -> None:  # type: ig
 def test_right_rotor_alone_pitches_the_nose_up() -> None:
     # the right rotor is ahead: 1 N at 0.05 m over 0.0005 kg m^2 is 100 rad/s^2
     stage = load_vehicle('quadcopter').model().stage()
-    dx, _ = stage.function([0] * 6, [0, 1], [0, 0, 0])
+    dx, _ = stage.function([0] * 6, [0, 1], [0, 0, 0, 0])
     rates = dict(zip(stage.states, dx.full().ravel(), strict=True))
     assert rates['q'] == pytest.approx(100)
     assert rates['w_b'] == pytest.approx(9.81 - 10)
@@ -40,7 +40,7 @@ def test_airspeed_is_against_the_moving_air() -> None:
     stage = load_vehicle('quadcopter').model().stage()
     state = {'u_b': 3.0, 'w_b': -4.0}
     x = [state.get(name, 0.0) for name in stage.states]
-    _, outputs = stage.function(x, [0, 0], [1.0, 2.0, -0.5])
+    _, outputs = stage.function(x, [0, 0], [1.0, 2.0, -0.5, 0.0])
     named = dict(zip(stage.outputs, outputs.full().ravel(), strict=True))
     assert named['speed'] == pytest.approx(5.0)
     assert named['airspeed'] == pytest.approx(np.sqrt(2.0**2 + 2.0**2 + 3.5**2))
@@ -48,12 +48,12 @@ def test_airspeed_is_against_the_moving_air() -> None:
 
 def test_jacobian_agrees_with_central_differences() -> None:
     stage = load_vehicle('quadcopter').model().stage()
-    x, u, p = cas.SX.sym('x', 6), cas.SX.sym('u', 2), cas.SX.sym('p', 3)
+    x, u, p = cas.SX.sym('x', 6), cas.SX.sym('u', 2), cas.SX.sym('p', 4)
     dx = stage.function(x, u, p)[0]
     jacobian = cas.Function('j', [x, u, p], [cas.jacobian(dx, x)])
     rng = np.random.default_rng(7)
     for _ in range(5):
-        x0, u0, p0 = rng.normal(size=6), rng.uniform(size=2), rng.normal(size=3)
+        x0, u0, p0 = rng.normal(size=6), rng.uniform(size=2), rng.normal(size=4)
         exact = jacobian(x0, u0, p0).full()
         step = 1e-6
         for i in range(6):
