@@ -17,7 +17,7 @@ test: setup ## run the tests; ARGS='...' goes to pytest, e.g. ARGS='-m slow'
 
 bench: ## run every benchmark
 	@tools/setup bench
-	@set -e; for file in benchmarks/bench_*.py; do tools/run python "$$file"; done
+	@set -e; for file in benchmarks/*.py; do tools/run python "$$file"; done
 
 lint: setup ## check style and types
 	@tools/run ruff check .

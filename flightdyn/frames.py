@@ -97,6 +97,8 @@ def turn_z(v: Vector, turn: Turn) -> Vector:
 
 def _turned(a: Vectorizable, b: Vectorizable, turn: Turn) -> tuple[Vectorizable, Vectorizable]:
     s, c = turn
+    if _absent(s):
+        return c * a, c * b
     if _absent(b):
         return (a, b) if _absent(a) else (c * a, s * a)
     return (-s * b, c * b) if _absent(a) else (c * a - s * b, s * a + c * b)
@@ -130,7 +132,8 @@ def direction(x: Vectorizable, y: Vectorizable, z: Vectorizable) -> tuple[Turn, 
     length2 = flat2 + z * z
     nowhere = length2 == 0
     length = np.sqrt(length2 + nowhere)
-    return (-z / length, (flat - over + nowhere) / length), (y / flat, (x + over) / flat)
+    track = (0.0 if _absent(y) else y / flat), (x + over) / flat
+    return (-z / length, (flat - over + nowhere) / length), track
 
 
 def rotation_from_euler(phi: Vectorizable, theta: Vectorizable, psi: Vectorizable) -> Rotation:

@@ -16,7 +16,7 @@ from .integrator import rk4_step
 
 Array = NDArray[np.float64]
 
-MAX_STEP = 1e-3  # s; RK4 then errs far below a micrometre on the shipped vehicles
+MAX_STEP = 1e-3  # s; RK4 then errs by some micrometres a second when a vehicle spins at 10 Hz
 MAX_SUBSTEPS = 16  # in one call of the integrator
 MAX_SAMPLES = 50_000_000
 

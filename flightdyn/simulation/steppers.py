@@ -18,7 +18,6 @@ DEGREE = 12
 """Degree of CVODES' dense output; its panels carry the outputs at as many points and one."""
 CHUNK = 8  # panels of CVODES in one call
 DENSE_FACTOR = 10.0  # of the tolerance: what the dense output may err
-SCATTER = 10.0  # times that much, as measured: errors within the tolerance are not smooth
 MAX_STEPS = 4_000  # of CVODES in one call; a chunk takes some 800
 MAX_FAILURES = 30  # of CVODES in one flight: with MAX_STEPS it bounds what is tried in vain
 RK4_CHUNK = 32  # panels in one call
@@ -132,7 +131,6 @@ class Cvodes:
         span = end - begin
         shortest = SHORTEST * max(1.0, abs(begin))
         length = min(self._length, span)
-        error_before = math.inf
         while True:
             count = 1 if length >= span else CHUNK
             stop = min(begin + count * length, end)
@@ -146,16 +144,13 @@ class Cvodes:
                 continue
             errors = self._dense_errors(panels)
             good = int(np.argmax(errors > 1)) if errors.max() > 1 else count
-            # a little too much that does not shrink with the panel is CVODES' own scatter
-            scatter = error_before / 1.5 < errors[0] < SCATTER
-            stuck = good == 0 and (scatter or length <= shortest)
             worst = errors.max() if good == count else errors[good]
             change = 0.8 * max(float(worst), 1e-10) ** (-1 / DEGREE)
             change = min(change, 4.0) if good == count else min(max(change, 0.1), 0.5)
             self._length = min(length * change, self._longest)
-            if good > 0 or stuck:
+            if good > 0 or length <= shortest:
                 return panels.first(max(good, 1))
-            error_before, length = float(errors[0]), self._length
+            length = self._length
 
     def _run(self, x: Array, begin: float, end: float, q: Array, count: int) -> Panels | None:
         """Return equal panels, or None where CVODES fails."""

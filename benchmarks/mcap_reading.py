@@ -1,6 +1,6 @@
 """How fast NavSatFix columns are read from an MCAP, against rosbags; CPU seconds, best of five.
 
-Run: python benchmarks/bench_mcap.py [LOG ...]. Without a log a synthetic one is written: half of
+Run: python benchmarks/mcap_reading.py [LOG ...]. Without a log a synthetic one is written: half of
 its messages are fixes, the other half is not asked for.
 """
 
