@@ -1,6 +1,6 @@
 """Equations of motion by flightdyn and by AeroSandbox in the same run.
 
-Run: python benchmarks/bench_dynamics.py [--runs N] [--json]. Each measurement is a process of its
+Run: python benchmarks/dynamics.py [--runs N] [--json]. Each measurement is a process of its
 own, the two in turn; printed are medians, and the median of the pairs' ratios. The processes run
 the same code with other imports:
 
