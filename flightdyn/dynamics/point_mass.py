@@ -1,5 +1,8 @@
 """Point masses: attitude is a control, not a state."""
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 from .. import numpy as np
 from ..frames import (
     Turn,
@@ -189,7 +192,7 @@ class DynamicsPointMass3DSpeedGammaTrack(PointMass):
     loads: Names = ('Fx_w', 'Fy_w', 'Fz_w')
     force_axes = 'wind'
     kept_axes = 'path'
-    singular_at = {'speed': 0.0}
+    singular_at: ClassVar[Mapping[str, float]] = {'speed': 0.0}
 
     speed: Vectorizable = 0.0
     gamma: Vectorizable = 0.0

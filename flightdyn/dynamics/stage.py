@@ -31,7 +31,7 @@ KINEMATICS = (
 )
 """Outputs of every stage function, but for those that are states or controls already."""
 
-Attach = Callable[[Dynamics, Mapping[str, Vectorizable]], None]
+Attach = Callable[[Dynamics, Mapping[str, Vectorizable]], Mapping[str, Vectorizable] | None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,8 +47,12 @@ class Model:
     controls : mapping of name to (lower, upper)
         What can be commanded, with its limits, in SI units. A control named like an indirect
         control or a rotor momentum of the class is set as that.
-    attach : function of (dynamics, controls by name)
-        Adds forces and moments to the instance, whose `time` and wind it may use.
+    mass_props : MassProperties, or function of the extra states by name
+    attach : function of (dynamics, controls and extra states by name)
+        Adds forces and moments to the instance, whose `time` and wind it may use. Returns the
+        rates of the extra states by name, and by other names what else the stage shall put out.
+    extra_states : names
+        States beside the class's, such as the mass of fuel or the charge of a battery.
     wind : callable (x_e, y_e, z_e, time) -> (x, y, z), optional
         Where the air moves to, earth axes [m/s]; the stage's parameters add to it.
     atmosphere : callable of altitude [m] -> Atmosphere
@@ -56,29 +60,38 @@ class Model:
 
     vehicle: str
     dynamics: type[Dynamics]
-    mass_props: MassProperties
+    mass_props: MassProperties | Callable[[Mapping[str, Vectorizable]], MassProperties]
     controls: Mapping[str, tuple[float, float]]
     attach: Attach
+    extra_states: tuple[str, ...] = ()
     wind: Wind | None = None
     atmosphere: Callable[[Vectorizable], Atmosphere] = Atmosphere
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the class's states and the extra ones."""
+        return (*self.dynamics.states, *self.extra_states)
 
     def stage(self) -> 'Stage':
         """Trace the model with scalar symbols."""
         x = {name: cas.SX.sym(name) for name in self.dynamics.states}
+        extra = {name: cas.SX.sym(name) for name in self.extra_states}
         u = {name: cas.SX.sym(name) for name in self.controls}
         p = {name: cas.SX.sym(name) for name in PARAMETERS}
         steered = (*self.dynamics.indirect_controls, *self.dynamics.rotor_momenta)
+        mass_props = self.mass_props(extra) if callable(self.mass_props) else self.mass_props
         dyn = self.dynamics(
-            mass_props=self.mass_props,
+            mass_props=mass_props,
             wind=ConstantWind(*(p[name] for name in WIND)) + self.wind,
             time=p['time'],
             atmosphere=self.atmosphere,
             **x,
             **{name: value for name, value in u.items() if name in steered},
         )
-        self.attach(dyn, u)
-        derivatives = dyn.state_derivatives()
-        every = _kinematics(dyn)
+        attached = self.attach(dyn, u | extra) or {}
+        x |= extra
+        derivatives = dyn.state_derivatives() | {name: attached[name] for name in extra}
+        every = _kinematics(dyn) | {k: v for k, v in attached.items() if k not in extra}
         outputs = {k: v for k, v in every.items() if k not in x and k not in u}
         function = cas.Function(
             'stage',

@@ -83,7 +83,7 @@ class Problem:
 
     def __post_init__(self) -> None:
         model = self.vehicle.model()
-        states, controls = model.dynamics.states, tuple(model.controls)
+        states, controls = model.states, tuple(model.controls)
         self._check_bounds('initial', self.initial, states)
         self._check_bounds('final', self.final, states)
         self._check_bounds('path', self.path, (*states, *controls))

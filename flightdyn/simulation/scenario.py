@@ -77,7 +77,7 @@ def load_scenario(name: str, config_dir: str | Path | None = None) -> Scenario:
             raise InputError(
                 f'{path}: controls.{control}: {value:g} is outside [{lower:g}, {upper:g}]'
             )
-    initial = check_keys(document.get('initial', {}), model.dynamics.states, f'{path}: initial')
+    initial = check_keys(document.get('initial', {}), model.states, f'{path}: initial')
     return Scenario(
         name=path.stem,
         description=text(document.get('description', ''), f'{path}: description'),

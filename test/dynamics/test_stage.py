@@ -13,6 +13,7 @@ from flightdyn.dynamics import (
     DynamicsPointMass3DCartesian,
     DynamicsRigidBody3DBodyEuler,
 )
+from flightdyn.dynamics.mass_properties import MassProperties
 from flightdyn.dynamics.stage import KINEMATICS, Model
 from flightdyn.environment.wind import PowerLawWind
 from flightdyn.errors import InputError
@@ -105,3 +106,24 @@ def test_forces_and_wind_may_depend_on_time() -> None:
     assert rates[stage.states.index('u_b')] == pytest.approx(3.0 / BODY.mass)
     _, outputs = stage.function(np.zeros(12), [], [0, 0, 0, 3.0])
     assert dict(zip(stage.outputs, outputs.full()[:, 0], strict=True))['airspeed'] == 6.0
+
+
+def test_extra_states_and_outputs_go_along() -> None:
+    def attach(dyn: Dynamics, values: Any) -> dict[str, Any]:
+        dyn.add_force(Fx=values['thrust'], axes='body')
+        return {'fuel': -values['thrust'] / 3000.0, 'flow': values['thrust'] / 3000.0}
+
+    stage = Model(
+        vehicle='test',
+        dynamics=DynamicsRigidBody3DBodyEuler,
+        mass_props=lambda extra: BODY + MassProperties(mass=extra['fuel']),
+        controls={'thrust': (0.0, 10.0)},
+        attach=attach,
+        extra_states=('fuel',),
+    ).stage()
+    assert stage.states == (*DynamicsRigidBody3DBodyEuler.states, 'fuel')
+    dx, outputs = stage.function([0.0] * 12 + [3.0], [6.0], [0.0] * 4)
+    rates = dict(zip(stage.states, dx.full()[:, 0], strict=True))
+    assert rates['u_b'] == pytest.approx(6.0 / (BODY.mass + 3.0))
+    assert rates['fuel'] == pytest.approx(-0.002)
+    assert dict(zip(stage.outputs, outputs.full()[:, 0], strict=True))['flow'] == 0.002
