@@ -37,8 +37,19 @@ class NamedValues:
         mine = self.__dict__
         for name in names:
             value = values[name] if name in values else getattr(type(self), name)
-            mine[name] = np.array(value) if isinstance(value, list | tuple) else value
+            mine[name] = self._checked(name, value)
         mine['_memo'] = {}
+
+    def _checked(self, name: str, value: Any) -> Vectorizable:
+        if isinstance(value, float | int) or np.is_symbolic(value):
+            return value
+        value = np.array(value) if isinstance(value, list | tuple) else value
+        if not np.is_symbolic(value) and _np.asarray(value).dtype.kind not in 'iufcb':
+            raise InputError(
+                f'{type(self).__name__}: {name} must be a number, an array or a CasADi '
+                f'expression, got {value!r}'
+            )
+        return value
 
     def __init_subclass__(cls) -> None:
         """Show the names of a class's values in its signature, though one __init__ serves all."""

@@ -81,6 +81,19 @@ def test_unknown_names_are_refused_with_the_nearest_one() -> None:
         turning().constrain_derivatives(None, 0.0, which=['speed', 'gama'])
 
 
+@pytest.mark.parametrize('value', ['fast', None, {'knots': 3}, [1.0, 'x']])
+def test_what_is_no_number_is_refused(value: Any) -> None:
+    with pytest.raises(InputError, match='speed must be a number, an array or a CasADi'):
+        DynamicsPointMass2DSpeedGamma(speed=value)
+
+
+def test_lists_count_as_arrays() -> None:
+    x = cas.MX.sym('x')
+    dyn = DynamicsPointMass2DSpeedGamma(speed=[1, 2, 3], gamma=[x, 2 * x, 0.0])
+    assert len(dyn) == 3
+    assert dyn[1].speed == 2
+
+
 def test_arrays_of_different_lengths_are_refused() -> None:
     with pytest.raises(InputError, match='z_e has 3 values, w_e has 4'):
         DynamicsPointMass1DVertical(z_e=np.zeros(3), w_e=np.zeros(4))
