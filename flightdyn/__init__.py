@@ -26,4 +26,6 @@ from .dynamics.mass_shapes import mass_properties_of_sphere as mass_properties_o
 from .environment.atmosphere import Atmosphere as Atmosphere
 from .environment.atmosphere import gas_constant_universal as gas_constant_universal
 from .errors import FlightdynError as FlightdynError
+from .planning.opti import Opti as Opti
+from .planning.opti_solution import OptiSol as OptiSol
 from .trajectory import Trajectory as Trajectory

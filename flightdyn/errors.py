@@ -1,6 +1,7 @@
 """What can go wrong, and the one table that maps it to exit codes and action result codes."""
 
 from enum import IntEnum
+from typing import Any
 
 
 class ResultCode(IntEnum):
@@ -46,6 +47,17 @@ class InputError(FlightdynError):
 
 class LogError(InputError):
     """A flight log that cannot be read; the message names the file and the byte or message."""
+
+
+class NotConvergedError(FlightdynError):
+    """A solve that ended without a solution; `last` is where it stood, marked unconverged."""
+
+    result_code = ResultCode.INFEASIBLE
+
+    def __init__(self, message: str, code: ResultCode, last: Any) -> None:
+        super().__init__(message)
+        self.result_code = code
+        self.last = last
 
 
 class MissingExtraError(InputError):
