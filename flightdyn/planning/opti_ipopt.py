@@ -16,6 +16,7 @@ from ..errors import InputError, ResultCode
 from .declarations import Declaration
 from .infeasibility import not_numbers
 from .opti_solution import OptiSol
+from .solver import RESULT_CODES
 
 if TYPE_CHECKING:
     from .opti import Opti
@@ -38,13 +39,6 @@ _OPTIONS: dict[str, Any] = {
     'ipopt.honor_original_bounds': 'yes',
     'show_eval_warnings': False,
     'calc_lam_p': False,
-}
-_CODES = {
-    'Maximum_Iterations_Exceeded': ResultCode.ITERATION_LIMIT,
-    'Maximum_WallTime_Exceeded': ResultCode.TIME_LIMIT,
-    'Maximum_CpuTime_Exceeded': ResultCode.TIME_LIMIT,
-    'User_Requested_Stop': ResultCode.CANCELLED,
-    'Not_Enough_Degrees_Of_Freedom': ResultCode.BAD_REQUEST,
 }
 _ADVICE = {
     'Maximum_Iterations_Exceeded': 'it may need more iterations (max_iter), better scales, or a '
@@ -269,7 +263,7 @@ class Ipopt:
 
     def code(self, sol: OptiSol) -> ResultCode:
         """Return the cause of a failure."""
-        return _CODES.get(sol.reason, ResultCode.INFEASIBLE)
+        return RESULT_CODES.get(sol.reason, ResultCode.INFEASIBLE)
 
     def explanation(self, sol: OptiSol) -> str:
         """Return how a solve ended, where it is violated, and what to try."""

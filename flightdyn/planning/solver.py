@@ -26,7 +26,7 @@ OPTIONS: dict[str, Any] = {
     'no_nlp_grad': True,
 }
 
-_CODES = {
+RESULT_CODES = {
     'Solve_Succeeded': ResultCode.SUCCESS,
     'Solved_To_Acceptable_Level': ResultCode.SUCCESS,
     'Infeasible_Problem_Detected': ResultCode.INFEASIBLE,
@@ -36,6 +36,8 @@ _CODES = {
     'Invalid_Number_Detected': ResultCode.INFEASIBLE,
     'Not_Enough_Degrees_Of_Freedom': ResultCode.BAD_REQUEST,
     'Maximum_Iterations_Exceeded': ResultCode.ITERATION_LIMIT,
+    'Maximum_WallTime_Exceeded': ResultCode.TIME_LIMIT,
+    'Maximum_CpuTime_Exceeded': ResultCode.TIME_LIMIT,
     'User_Requested_Stop': ResultCode.CANCELLED,
 }
 
@@ -102,7 +104,7 @@ class Solver:
             if watch.error is not None:
                 raise watch.error
         status = str(stats['return_status'])
-        code = _CODES.get(status, ResultCode.INTERNAL)
+        code = RESULT_CODES.get(status, ResultCode.INTERNAL)
         if code == ResultCode.CANCELLED and watch.timed_out:
             code, status = ResultCode.TIME_LIMIT, 'Maximum_WallTime_Exceeded'
         variables, gaps = result['x'].full().ravel(), result['g'].full().ravel()
