@@ -104,18 +104,28 @@ class Model:
             ['dx', 'outputs'],
             {'cse': True},
         )
-        return Stage(tuple(x), tuple(u), tuple(outputs), function)
+        return Stage(
+            tuple(x),
+            tuple(u),
+            tuple(outputs),
+            function,
+            tuple(float(getattr(self.dynamics, name, 0.0)) for name in x),
+        )
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A traced model: f(x, u, p) -> dx/dt, outputs, and the names of their rows."""
+    """A traced model: f(x, u, p) -> dx/dt, outputs, and the names of their rows.
+
+    `rest` is the state of what nothing else is said: 0, but for an attitude quaternion of
+    length 1.
+    """
 
     states: tuple[str, ...]
     controls: tuple[str, ...]
     outputs: tuple[str, ...]
     function: cas.Function
-    parameters: tuple[str, ...] = PARAMETERS
+    rest: tuple[float, ...]
 
     def right_hand_side(
         self,

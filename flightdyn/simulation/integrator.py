@@ -113,7 +113,7 @@ def integrate(
     ----------
     stage : Stage
     x0 : mapping of state name to value, or array (nx,)
-        State at the begin of the span; states not named are 0.
+        State at the begin of the span; states not named are `stage.rest`.
     time_span : begin, end [s]
     controls : mapping, Trajectory, CasADi Function of time, or function of time
         Held values by name; a trajectory's controls as they run, held beyond its ends; a
@@ -199,7 +199,8 @@ def _initial_state(stage: Stage, x0: Mapping[str, float] | ArrayLike) -> Array:
         for name in x0:
             if name not in stage.states:
                 raise InputError(f"unknown state '{name}'{suggestion(name, stage.states)}")
-        x0 = [float(x0.get(name, 0.0)) for name in stage.states]
+        rest = zip(stage.states, stage.rest, strict=True)
+        x0 = [float(x0.get(name, value)) for name, value in rest]
     state = np.array(x0, dtype=float)
     if state.shape != (len(stage.states),):
         raise InputError(

@@ -28,7 +28,7 @@ class Simulator:
     ----------
     model : Model
     initial : mapping of state name to value
-        The others start at 0.
+        The others start at `stage.rest`: 0, or an attitude quaternion of length 1.
     controls : Trajectory
         Whose controls are followed, by its own time; beyond its ends they hold.
     wind : x, y, z [m/s]
@@ -79,7 +79,8 @@ class Simulator:
                     f'{self.model.vehicle} cannot start at {name} = {value:g}, where '
                     f'{self.model.dynamics.__name__} is singular: give another initial {name}'
                 )
-        self._x = np.array([float(initial.get(name, 0.0)) for name in self.stage.states])
+        rest = zip(self.stage.states, self.stage.rest, strict=True)
+        self._x = np.array([float(initial.get(name, value)) for name, value in rest])
         self.time = time
         self._gust = np.zeros(3)
         if self.gusts is not None:

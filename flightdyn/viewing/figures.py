@@ -29,7 +29,7 @@ SUFFIXES = ('.png', '.svg', '.pdf')
 _RELATED = (
     ('x_e', 'y_e'), ('z_e', 'altitude'), ('u_e', 'v_e', 'w_e'), ('u_b', 'v_b', 'w_b'),
     ('speed', 'airspeed'), ('gamma', 'theta', 'alpha', 'beta'), ('bank', 'phi'),
-    ('track', 'psi'), ('p', 'q', 'r'),
+    ('track', 'psi'), ('qw', 'qx', 'qy', 'qz'), ('p', 'q', 'r'),
 )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from flightdyn.simulation.gusts import Gusts
 from flightdyn.simulation.scenario import load_scenario
 from flightdyn.simulation.simulator import Simulator, fly
 from flightdyn.trajectory import Trajectory
+from flightdyn.vehicles.vehicle import load_vehicle
 
 # drifts through the air at 30 m/s whatever the air does: only `airspeed` sees the gusts
 DRIFTER = Model(
@@ -57,6 +58,21 @@ def test_a_reset_starts_the_gusts_anew() -> None:
     first = fly(simulator, 3.0, 10.0).outputs['airspeed']
     simulator.reset({'u_e': 30.0})
     np.testing.assert_array_equal(fly(simulator, 3.0, 10.0).outputs['airspeed'], first)
+
+
+def test_a_body_by_quaternion_starts_upright(tmp_path: Path) -> None:
+    """Its quaternion used to start at (0, 0, 0, 0), which is no attitude: all became NaN."""
+    (tmp_path / 'vehicles').mkdir()
+    (tmp_path / 'vehicles' / 'cube.yaml').write_text(
+        'model: DynamicsRigidBody3DBodyQuaternion\nmass: 1\n'
+        'inertia: {Ixx: 1, Iyy: 1, Izz: 1}\n'
+        'rotors: {lift: {position: [0, 0, 0], direction: [0, 0, -1], thrust: [0, 20]}}\n'
+    )
+    held = Trajectory(time=np.zeros(1), states={}, controls={'lift': np.full(1, 9.81)})
+    simulator = Simulator(load_vehicle('cube', tmp_path).model(), {}, held, gusts=Gusts())
+    flown = fly(simulator, 1.0, 10.0)
+    np.testing.assert_allclose(flown.states['qw'], 1.0)
+    np.testing.assert_allclose(flown.states['z_e'], 0.0, atol=1e-12)
 
 
 def scenario(folder: Path, gusts: str) -> Any:

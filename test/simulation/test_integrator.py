@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from flightdyn.dynamics import FAMILY, Dynamics, MassProperties
-from flightdyn.dynamics.stage import PARAMETERS, Model, Stage
+from flightdyn.dynamics.stage import Model, Stage
 from flightdyn.errors import InputError
 from flightdyn.simulation.events import Event, ground_contact
 from flightdyn.simulation.integrator import integrate, reintegrate, rk4_step
@@ -37,7 +37,7 @@ def stage_of(
     x, u, p = cas.SX.sym('x', len(names)), cas.SX.sym('u', len(controlled)), cas.SX.sym('p', 4)
     dx = cas.vertcat(*equations(x, u, p[-1]))
     function = cas.Function('f', [x, u, p], [dx, cas.sum1(x)], ['x', 'u', 'p'], ['dx', 'outputs'])
-    return Stage(names, controlled, ('sum',), function, PARAMETERS)
+    return Stage(names, controlled, ('sum',), function, (0.0,) * len(names))
 
 
 OSCILLATOR = stage_of('a b', lambda x, u, t: (x[1], -x[0]))
