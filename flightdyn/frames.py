@@ -26,6 +26,9 @@ R_BODY_GEOMETRY: Rotation = ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0)
 """Geometry axes point aft, right and up: x and z of the body turned round."""
 
 
+NO_TURN: Turn = (0.0, 1.0)
+
+
 def matmul(a: Rotation, b: Rotation) -> Rotation:
     """Return the product a b of two rotations."""
     first, second, third = (rotate(a, column) for column in transpose(b))
@@ -96,6 +99,8 @@ def turn_z(v: Vector, turn: Turn) -> Vector:
 
 
 def _turned(a: Vectorizable, b: Vectorizable, turn: Turn) -> tuple[Vectorizable, Vectorizable]:
+    if turn is NO_TURN:
+        return a, b
     s, c = turn
     if _absent(s):
         return c * a, c * b
@@ -111,7 +116,7 @@ def _absent(component: Vectorizable) -> bool:
 
 def backward(turn: Turn) -> Turn:
     """Return the turn by the opposite angle."""
-    return -turn[0], turn[1]
+    return turn if turn is NO_TURN else (-turn[0], turn[1])
 
 
 def body_from_geometry(v: Vector) -> Vector:
@@ -126,6 +131,8 @@ def direction(x: Vectorizable, y: Vectorizable, z: Vectorizable) -> tuple[Turn, 
     A vector without length points along x, one along z lies over x: values and derivatives stay
     finite there.
     """
+    if _absent(x) and _absent(y):
+        return (-np.sign(z), z == 0), NO_TURN
     flat2 = x * x + y * y
     over = flat2 == 0
     flat = np.sqrt(flat2 + over)

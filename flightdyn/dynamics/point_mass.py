@@ -5,6 +5,7 @@ from typing import ClassVar
 
 from .. import numpy as np
 from ..frames import (
+    NO_TURN,
     Turn,
     Vector,
     backward,
@@ -205,7 +206,7 @@ class DynamicsPointMass3DSpeedGammaTrack(PointMass):
         return horizontal * cos_track, horizontal * sin_track, -self.speed * sin_gamma
 
     def _path(self) -> tuple[Turn, Turn]:
-        track = self._sines('track') if 'track' in self.states else (0.0, 1.0)
+        track = self._sines('track') if 'track' in self.states else NO_TURN
         return self._sines('gamma'), track
 
     def _air_direction(self) -> tuple[Turn, Turn]:
