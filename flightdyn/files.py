@@ -47,3 +47,8 @@ def check_writable(path: str | os.PathLike[str]) -> None:
         raise InputError(f'cannot write {path}: it is a folder')
     if not os.access(folder, os.W_OK):
         raise InputError(f'cannot write {path}: no permission to write in {folder}')
+
+
+def cache_folder() -> Path:
+    """Return the folder of files that can be made again."""
+    return Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache') / 'flightdyn'

@@ -1,79 +1,43 @@
-"""Vehicles from YAML: mass, rotors and limits become a model."""
+"""Vehicles from YAML files; `Vehicle.model()` gives their physics."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
-from ..config import bounds, check_keys, load_yaml, number, suggestion, text
-from ..dynamics import FAMILY, Dynamics, MassProperties
+from ..config import load_yaml, suggestion, text
+from ..dynamics import FAMILY, MassProperties
 from ..dynamics.base import G
-from ..dynamics.stage import Model
+from ..dynamics.stage import KINEMATICS
 from ..errors import InputError
-from ..frames import cross
-from ..numpy import Vectorizable
 from ..resources import find_config, list_configs
+from . import aero_buildup, aero_polar, aero_table, buoyancy, propeller, propulsion
+from .aerodynamics import COEFFICIENTS, Aerodynamics
+from .definition import STEERED
+from .definition import Vehicle as Vehicle
+from .fields import Context, Fields, named_bounds
+from .propulsion import Propulsion
+from .propulsion import Rotor as Rotor
+
+T = TypeVar('T')
 
 INERTIA = ('Ixx', 'Iyy', 'Izz', 'Ixy', 'Iyz', 'Ixz')
-KEYS = ('description', 'model', 'mass', 'inertia', 'gravity', 'rotors')
+KEYS = (
+    *('description', 'model', 'mass', 'inertia', 'radii_of_gyration', 'gravity', 'rotors'),
+    *('aerodynamics', 'propulsion', 'controls', 'limits', 'geometry'),
+)
+AERODYNAMICS = {
+    'polar': (aero_polar.KEYS, aero_polar.read_polar),
+    'table': (aero_table.KEYS, aero_table.read_table_aerodynamics),
+    'buildup': (aero_buildup.KEYS, aero_buildup.read_buildup),
+    'balloon': (buoyancy.KEYS, buoyancy.read_balloon),
+}
+PROPULSION = {
+    'rocket': (propulsion.ROCKET_KEYS, propulsion.read_rocket),
+    'propeller': (propeller.KEYS, propeller.read_propeller),
+}
 
-
-@dataclass(frozen=True)
-class Rotor:
-    """A rotor: where it pushes, which way, how hard it can.
-
-    Parameters
-    ----------
-    position : x, y, z [m]
-        From the centre of gravity, body axes.
-    direction : x, y, z
-        Unit vector of its thrust, body axes; up is (0, 0, -1).
-    thrust : lower, upper [N]
-    """
-
-    position: tuple[float, float, float]
-    direction: tuple[float, float, float]
-    thrust: tuple[float, float]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Vehicle:
-    """A vehicle as its YAML file describes it; `model()` gives its physics.
-
-    Parameters
-    ----------
-    mass_props : MassProperties
-    model_name : str
-        Class of the Dynamics family that it flies by.
-    gravity : float
-        m/s^2
-    rotors : mapping of control name to Rotor
-    """
-
-    name: str
-    description: str
-    model_name: str
-    mass_props: MassProperties
-    gravity: float
-    rotors: Mapping[str, Rotor]
-
-    def model(self) -> Model:
-        """Return the vehicle's physics for planning, simulation and replay."""
-        return Model(
-            vehicle=self.name,
-            dynamics=FAMILY[self.model_name],
-            mass_props=self.mass_props,
-            controls={name: rotor.thrust for name, rotor in self.rotors.items()},
-            attach=self._attach,
-        )
-
-    def _attach(self, dyn: Dynamics, controls: Mapping[str, Vectorizable]) -> None:
-        dyn.add_gravity_force(self.gravity)
-        for name, rotor in self.rotors.items():
-            fx, fy, fz = (controls[name] * axis for axis in rotor.direction)
-            dyn.add_force(fx, fy, fz, axes='body')
-            if hasattr(dyn, 'add_moment'):
-                dyn.add_moment(*cross(rotor.position, (fx, fy, fz)), axes='body')
+OUTPUTS = ('altitude', *COEFFICIENTS, 'lift', 'drag', 'thrust', 'power', 'rotation', 'mach')
+"""What can be limited beside states, controls and the kinematics of every stage."""
 
 
 def load_vehicle(name: str, config_dir: str | Path | None = None) -> Vehicle:
@@ -86,33 +50,31 @@ def load_vehicle(name: str, config_dir: str | Path | None = None) -> Vehicle:
         message names file and key.
     """
     path = find_config('vehicles', name, config_dir)
-    document = check_keys(load_yaml(path), KEYS, str(path))
-    for key in ('model', 'mass', 'rotors'):
-        if key not in document:
-            raise InputError(f"{path}: '{key}' is missing")
-    model_name = text(document['model'], f'{path}: model')
-    if model_name not in FAMILY:
-        raise InputError(f"{path}: unknown model '{model_name}'{suggestion(model_name, FAMILY)}")
-    inertia = check_keys(document.get('inertia', {}), INERTIA, f'{path}: inertia')
-    for key in FAMILY[model_name].inertia:
-        if key not in inertia:
-            raise InputError(f"{path}: inertia: '{key}' is missing: {model_name} needs it")
-    rotors = document['rotors']
-    if not isinstance(rotors, Mapping) or not rotors:
-        raise InputError(f'{path}: rotors: expected one or more rotors by name, got {rotors!r}')
+    document = Fields(load_yaml(path), KEYS, str(path))
+    model_name = document.choice('model', FAMILY)
+    gravity = document.number('gravity', G)
+    controls = _controls(document)
+    geometry = document.named('geometry')
+    context = Context(path.parent, gravity, tuple(controls), geometry)
+    aerodynamics = _aerodynamics(document, context)
+    mass = document.positive('mass')
+    if aerodynamics is not None:
+        mass += aerodynamics.added_mass
+    drive = _propulsion(document, mass)
+    extra = {} if drive is None else drive.extra_states
+    _check_uses(document, controls, aerodynamics)
     return Vehicle(
         name=name,
-        description=text(document.get('description', ''), f'{path}: description'),
+        description=text(document.values.get('description', ''), document.at('description')),
         model_name=model_name,
-        mass_props=MassProperties(
-            mass=_positive(document['mass'], f'{path}: mass'),
-            **{
-                key: (_positive if key in INERTIA[:3] else number)(value, f'{path}: inertia.{key}')
-                for key, value in inertia.items()
-            },
-        ),
-        gravity=number(document.get('gravity', G), f'{path}: gravity'),
-        rotors={str(key): _rotor(value, f'{path}: rotors.{key}') for key, value in rotors.items()},
+        mass_props=_mass_props(document, mass, model_name),
+        gravity=gravity,
+        rotors=_rotors(document),
+        aerodynamics=aerodynamics,
+        propulsion=drive,
+        controls=controls,
+        limits={**extra, **_limits(document, (*controls, *extra))},
+        geometry=geometry,
     )
 
 
@@ -121,31 +83,91 @@ def list_vehicles(config_dir: str | Path | None = None) -> list[Vehicle]:
     return [load_vehicle(name, config_dir) for name in list_configs('vehicles', config_dir)]
 
 
-def _positive(value: Any, where: str) -> float:
-    result = number(value, where)
-    if result <= 0:
-        raise InputError(f'{where}: must be positive, got {result:g}')
-    return result
+def _controls(document: Fields) -> dict[str, tuple[float, float]]:
+    given = document.named('controls')
+    where = document.at('controls')
+    for name in given:
+        if not name.isidentifier():
+            raise InputError(f"{where}: '{name}' is no name of letters, digits and underscores")
+    return {name: named_bounds(name, v, f'{where}.{name}') for name, v in given.items()}
 
 
-def _rotor(value: Any, where: str) -> Rotor:
-    keys = ('position', 'direction', 'thrust')
-    rotor = check_keys(value, keys, where)
-    for key in keys:
-        if key not in rotor:
-            raise InputError(f"{where}: '{key}' is missing")
-    direction = _vector(rotor['direction'], f'{where}.direction')
-    if abs(sum(c * c for c in direction) - 1) > 1e-6:
-        raise InputError(f'{where}.direction: must be a unit vector, got {direction}')
-    return Rotor(
-        position=_vector(rotor['position'], f'{where}.position'),
-        direction=direction,
-        thrust=bounds(rotor['thrust'], f'{where}.thrust'),
+def _limits(document: Fields, more: Collection[str]) -> dict[str, tuple[float, float]]:
+    known = dict.fromkeys(
+        (*(name for cls in FAMILY.values() for name in cls.states), *KINEMATICS, *OUTPUTS, *more)
     )
+    given = Fields(document.values.get('limits', {}), tuple(known), document.at('limits'))
+    return {
+        name: named_bounds(name, value, f'{given.where}.{name}')
+        for name, value in given.values.items()
+    }
 
 
-def _vector(value: Any, where: str) -> tuple[float, float, float]:
-    if not isinstance(value, list) or len(value) != 3:
-        raise InputError(f'{where}: expected [x, y, z], got {value!r}')
-    x, y, z = (number(component, where) for component in value)
-    return x, y, z
+def _rotors(document: Fields) -> dict[str, Rotor]:
+    if 'rotors' not in document:
+        return {}
+    rotors, where = document.need('rotors'), document.at('rotors')
+    if not isinstance(rotors, Mapping) or not rotors:
+        raise InputError(f'{where}: expected one or more rotors by name, got {rotors!r}')
+    return {str(k): propulsion.read_rotor(v, f'{where}.{k}') for k, v in rotors.items()}
+
+
+def _mass_props(document: Fields, mass: float, model_name: str) -> MassProperties:
+    inertia = _inertia(document, mass, model_name)
+    try:
+        return MassProperties(mass=mass, **inertia)
+    except InputError as error:
+        raise InputError(f'{document.where}: {error}') from None
+
+
+def _inertia(document: Fields, mass: float, model_name: str) -> dict[str, float]:
+    """Return the elements of the inertia tensor that are given."""
+    if 'radii_of_gyration' in document:
+        if 'inertia' in document:
+            raise InputError(f'{document.where}: give either inertia or radii_of_gyration')
+        radii = document.vector('radii_of_gyration')
+        return {key: mass * radius**2 for key, radius in zip(INERTIA[:3], radii, strict=True)}
+    given = Fields(document.values.get('inertia', {}), INERTIA, document.at('inertia'))
+    for key in FAMILY[model_name].inertia:
+        if key not in given:
+            raise InputError(f"{given.where}: '{key}' is missing: {model_name} needs it")
+    return {
+        key: given.positive(key) if key in INERTIA[:3] else given.number(key)
+        for key in given.values
+    }
+
+
+def _aerodynamics(document: Fields, context: Context) -> Aerodynamics | None:
+    if 'aerodynamics' not in document:
+        return None
+    (keys, read), where = _kind(document, 'aerodynamics', AERODYNAMICS)
+    return read(Fields(document.need('aerodynamics'), keys, where), context)
+
+
+def _propulsion(document: Fields, mass: float) -> Propulsion | None:
+    if 'propulsion' not in document:
+        return None
+    (keys, read), where = _kind(document, 'propulsion', PROPULSION)
+    return read(Fields(document.need('propulsion'), keys, where), mass)
+
+
+def _kind(document: Fields, key: str, kinds: Mapping[str, T]) -> tuple[T, str]:
+    where = document.at(key)
+    mapping = document.need(key)
+    if not isinstance(mapping, Mapping):
+        raise InputError(f'{where}: expected a mapping, got {mapping!r}')
+    kind = text(mapping.get('kind', ''), f'{where}: kind')
+    if kind not in kinds:
+        raise InputError(f"{where}: kind: unknown '{kind}'{suggestion(kind, kinds)}")
+    return kinds[kind], where
+
+
+def _check_uses(
+    document: Fields, controls: Collection[str], aerodynamics: Aerodynamics | None
+) -> None:
+    used = tuple(dict.fromkeys((*STEERED, *(aerodynamics.uses if aerodynamics else ()))))
+    for name in controls:
+        if name not in used:
+            raise InputError(
+                f"{document.at('controls')}: '{name}' has no effect{suggestion(name, used)}"
+            )

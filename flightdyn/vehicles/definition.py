@@ -1,0 +1,157 @@
+"""Vehicles: mass, rotors, aerodynamics, propulsion and limits become a model."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from ..config import suggestion
+from ..dynamics import FAMILY, Dynamics, MassProperties
+from ..dynamics.stage import Model
+from ..errors import InputError
+from ..numpy import Vectorizable
+from .aerodynamics import Aerodynamics
+from .propulsion import Propulsion, Rotor
+
+Bounds = Mapping[str, tuple[float, float]]
+
+STEERED = tuple(
+    dict.fromkeys(
+        name for cls in FAMILY.values() for name in (*cls.indirect_controls, *cls.rotor_momenta)
+    )
+)
+"""Controls that the classes of the family have themselves, each only some of them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Vehicle:
+    """A vehicle as its YAML file describes it; `model()` gives its physics.
+
+    Its `repr` tells apart vehicles that differ, tables included.
+
+    Parameters
+    ----------
+    mass_props : MassProperties
+        At the start, or without fuel that is a state.
+    model_name : str
+        Class of the Dynamics family that it flies by.
+    gravity : float
+        m/s^2
+    rotors : mapping of control name to Rotor
+    aerodynamics : Aerodynamics or None
+    propulsion : Propulsion or None
+    controls : mapping of name to (lower, upper)
+        Beside those of rotors and propulsion. A model takes the indirect controls of its class
+        and leaves out those of other classes. Alpha and beta are in degrees.
+    limits : mapping of name to (lower, upper)
+        What the vehicle stands, for planners to keep: states and outputs of the stage by name.
+        Those of extra states are always there.
+    geometry : mapping
+        `kind` and dimensions for drawing.
+
+    Raises
+    ------
+    InputError
+        If there is no such class, it needs inertia that is missing, or a control's name is taken.
+    """
+
+    name: str
+    description: str
+    model_name: str
+    mass_props: MassProperties
+    gravity: float
+    rotors: Mapping[str, Rotor] = field(default_factory=dict)
+    aerodynamics: Aerodynamics | None = None
+    propulsion: Propulsion | None = None
+    controls: Bounds = field(default_factory=dict)
+    limits: Bounds = field(default_factory=dict)
+    geometry: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.model_name not in FAMILY:
+            raise InputError(
+                f"{self.name}: unknown model '{self.model_name}'"
+                f'{suggestion(self.model_name, FAMILY)}'
+            )
+        for key in FAMILY[self.model_name].inertia:
+            if not getattr(self.mass_props, key):
+                raise InputError(
+                    f"{self.name}: inertia: '{key}' is missing: {self.model_name} needs it"
+                )
+        driven = {} if self.propulsion is None else self.propulsion.controls
+        taken = [*self.rotors, *driven, *self.controls]
+        for name in taken:
+            if taken.count(name) > 1:
+                raise InputError(f"{self.name}: two controls have the name '{name}'")
+
+    @property
+    def box(self) -> dict[str, tuple[float, float]]:
+        """Ranges by name within which the aerodynamics are known; see `Aerodynamics.box`."""
+        return {} if self.aerodynamics is None else self.aerodynamics.box
+
+    def with_model(self, model_name: str) -> 'Vehicle':
+        """Return the vehicle flown by another class of the Dynamics family.
+
+        Raises
+        ------
+        InputError
+            If there is no such class, or it needs inertia that the vehicle has not.
+        """
+        return replace(self, model_name=model_name)
+
+    def model(self) -> Model:
+        """Return the vehicle's physics for planning, simulation and replay."""
+        dynamics = FAMILY[self.model_name]
+        own = (*dynamics.indirect_controls, *dynamics.rotor_momenta)
+        controls = {name: rotor.thrust for name, rotor in self.rotors.items()}
+        controls |= {k: v for k, v in self.controls.items() if k in own or k not in STEERED}
+        propulsion = self.propulsion
+        if propulsion is None:
+            return Model(
+                vehicle=self.name,
+                dynamics=dynamics,
+                mass_props=self.mass_props,
+                controls=controls,
+                attach=self._attach,
+            )
+        return Model(
+            vehicle=self.name,
+            dynamics=dynamics,
+            mass_props=lambda extra: propulsion.mass_props(self.mass_props, extra),
+            controls={**controls, **propulsion.controls},
+            attach=self._attach,
+            extra_states=tuple(propulsion.extra_states),
+        )
+
+    def _attach(
+        self, dyn: Dynamics, controls: Mapping[str, Vectorizable]
+    ) -> dict[str, Vectorizable]:
+        dyn.add_gravity_force(self.gravity)
+        for name, rotor in self.rotors.items():
+            rotor.push(dyn, controls[name])
+        found: dict[str, Vectorizable] = {}
+        if self.aerodynamics is not None:
+            found |= self.aerodynamics.attach(dyn, controls)
+        if self.propulsion is not None:
+            found |= self.propulsion.attach(dyn, controls)
+        return found
+
+    def describe(self) -> str:
+        """Return what there is to know about the vehicle, in lines for people."""
+        model = self.model()
+        lines = [
+            f'{self.name}: {self.description}',
+            f'model {self.model_name}, mass {self.mass_props.mass:g} kg',
+            f'states {" ".join(model.states)}',
+            *_ranges('controls', model.controls),
+            *_ranges('limits', self.limits),
+        ]
+        if self.aerodynamics is not None:
+            lines += self.aerodynamics.describe()
+        return '\n'.join(lines)
+
+
+def _ranges(title: str, ranges: Bounds) -> list[str]:
+    if not ranges:
+        return []
+    told = ', '.join(f'{name} {low:g} to {high:g}' for name, (low, high) in ranges.items())
+    return [f'{title} {told}']
