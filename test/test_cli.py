@@ -137,7 +137,7 @@ def test_unverified_plan_exits_4(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ('arguments', 'message'),
     [
-        (['plan', 'quadcopter_flop'], 'known: quadcopter_flip'),
+        (['plan', 'quadcopter_flop'], 'quadcopter_flip'),
         (['plan', 'nowhere.yaml'], 'cannot read nowhere.yaml'),
         (['plan', 'quadcopter_flip', '-o', 'plan.docx'], "suffix '.docx'"),
         (['plan', 'quadcopter_flip', '-o', 'nowhere/plan.json'], 'there is no folder nowhere'),

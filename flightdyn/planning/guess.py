@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .problem import Bounds, Problem
+from .problem import Problem
 
 Array = NDArray[np.float64]
 
@@ -31,14 +31,18 @@ def _guess(problem: Problem, name: str, fractions: Array) -> Array:
         points = problem.guess[name]
         values = np.interp(fractions, np.linspace(0, 1, len(points)), points)
     else:
-        middle = _middle(problem.limits(name), 0.0)
-        ends = [_end(bounds, name, middle) for bounds in (problem.initial, problem.final)]
-        values = np.interp(fractions, [0, 1], ends)
+        values = np.interp(fractions, [0, 1], _ends(problem, name))
     return np.clip(values, *problem.limits(name))
 
 
-def _end(bounds: Bounds, name: str, default: float) -> float:
-    return _middle(bounds[name], default) if name in bounds else default
+def _ends(problem: Problem, name: str) -> tuple[float, float]:
+    """Return guesses at both ends; where only one is bounded, the other is the same."""
+    limits = problem.limits(name)
+    rest = dict(zip(problem.stage.states, problem.stage.rest, strict=True))
+    middle = _middle(limits, rest.get(name, 0.0))
+    first = problem.initial.get(name, problem.final.get(name, limits))
+    last = problem.final.get(name, first)
+    return _middle(first, middle), _middle(last, middle)
 
 
 def _middle(bounds: tuple[float, float], default: float) -> float:

@@ -3,11 +3,11 @@
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from ..config import (
-    bounds,
     check_keys,
     load_yaml,
     number,
@@ -16,18 +16,32 @@ from ..config import (
     text,
     whole_number,
 )
+from ..dynamics.stage import KINEMATICS, Model, Stage
 from ..errors import InputError
 from ..resources import find_config
 from ..trajectory import Interpolation, Trajectory
+from ..vehicles.fields import IN_DEGREES, in_degrees, named_bounds
 from ..vehicles.vehicle import Vehicle, load_vehicle
+from .objective import TIME, Objective, parse_objective, trace
 
 Bounds = Mapping[str, tuple[float, float]]
 
-OBJECTIVES = ('time',)
+MAX_STAGES = 16
 MAX_NODES = 5000
+UNBOUNDED = (-math.inf, math.inf)
 KEYS = (
-    *('description', 'vehicle', 'objective', 'duration', 'initial', 'final', 'path', 'guess'),
-    *('wind_ned', 'nodes', 'control_interpolation', 'tolerance', 'max_wall_time'),
+    *('description', 'vehicle', 'model', 'objective', 'duration'),
+    *(
+        'initial',
+        'final',
+        'path',
+        'guess',
+        'wind_ned',
+        'nodes',
+        'control_interpolation',
+        'tolerance',
+        'max_wall_time',
+    ),
 )
 
 
@@ -37,11 +51,14 @@ class Problem:
 
     Parameters
     ----------
+    objective : Objective
+        Least duration unless given: `minimize('final.mass')`, `maximize('final.x_e')`.
     duration : lower, upper [s]
+        The same twice fixes it.
     duration_guess : float [s]
-    initial, final : mapping of state name to (lower, upper)
-        States that are not named are free.
-    path : mapping of state or control name to (lower, upper)
+    initial, final : mapping of state, control or output name to (lower, upper)
+        What is not named is free. `altitude` stands for -z_e here and below, and is kept as z_e.
+    path : mapping of state, control or output name to (lower, upper)
         Hold at every node, beside the vehicle's own limits.
     guess : mapping of state or control name to values
         A storyboard: points in equal steps over the duration, linear between.
@@ -67,7 +84,7 @@ class Problem:
     name: str
     vehicle: Vehicle
     description: str = ''
-    objective: str = 'time'
+    objective: Objective = TIME
     duration: tuple[float, float]
     duration_guess: float
     initial: Bounds
@@ -82,17 +99,13 @@ class Problem:
     max_wall_time: float = 60.0
 
     def __post_init__(self) -> None:
-        model = self.vehicle.model()
-        states, controls = model.states, tuple(model.controls)
-        self._check_bounds('initial', self.initial, states)
-        self._check_bounds('final', self.final, states)
-        self._check_bounds('path', self.path, (*states, *controls))
-        for name in self.path:
-            self.limits(name)  # raises where a bound asks for what the vehicle cannot do
-        for name, value in self.guess.items():
-            self._check_name('guess', name, (*states, *controls))
-            if len(value) == 0 or not all(math.isfinite(v) for v in value):
-                raise InputError(f'{self.name}: guess.{name}: must be finite numbers, got {value}')
+        for group in ('initial', 'final', 'path'):
+            object.__setattr__(self, group, self._down(group, getattr(self, group)))
+        for group in ('path', 'initial', 'final'):
+            self._check_bounds(group)
+        self._check_guess()
+        if self.objective != TIME:
+            trace(self.objective, self.stage, [1.0] * len(self.stage.controls))
         lower, upper = self.duration
         if not (0 < lower <= upper < math.inf):
             raise InputError(
@@ -102,11 +115,6 @@ class Problem:
         if len(self.wind_ned) != 3 or not all(math.isfinite(w) for w in self.wind_ned):
             raise InputError(
                 f'{self.name}: wind_ned must be three finite numbers, got {list(self.wind_ned)}'
-            )
-        if self.objective not in OBJECTIVES:
-            raise InputError(
-                f"{self.name}: unknown objective '{self.objective}'"
-                f'{suggestion(self.objective, OBJECTIVES)}'
             )
         if self.control_interpolation not in ('previous', 'linear'):
             raise InputError(f'{self.name}: control_interpolation: must be previous or linear')
@@ -119,47 +127,98 @@ class Problem:
                 f'{self.name}: max_wall_time must be positive, got {self.max_wall_time:g} s'
             )
 
+    @cached_property
+    def model(self) -> Model:
+        """The vehicle's physics."""
+        return self.vehicle.model()
+
+    @property
+    def stage(self) -> Stage:
+        """The vehicle's traced physics."""
+        return _stage(self.vehicle)
+
     def _check_name(self, group: str, name: str, known: Collection[str]) -> None:
         if name not in known:
             raise InputError(f"{self.name}: {group}: unknown '{name}'{suggestion(name, known)}")
 
-    def _check_bounds(self, group: str, given: Bounds, known: Collection[str]) -> None:
-        for name, (lower, upper) in given.items():
-            self._check_name(group, name, known)
+    def _down(self, group: str, given: Bounds) -> dict[str, tuple[float, float]]:
+        """Return bounds with those of `altitude` as bounds of z_e."""
+        if 'altitude' not in given:
+            return dict(given)
+        if 'z_e' in given:
+            raise InputError(
+                f'{self.name}: {group}: give altitude or z_e: the one is minus the other'
+            )
+        lower, upper = given['altitude']
+        rest = {name: value for name, value in given.items() if name != 'altitude'}
+        return {**rest, 'z_e': (0.0 - upper, 0.0 - lower)}
+
+    def _check_guess(self) -> None:
+        if 'altitude' in self.guess:
+            if 'z_e' in self.guess:
+                raise InputError(
+                    f'{self.name}: guess: give altitude or z_e: the one is minus the other'
+                )
+            rest = {name: value for name, value in self.guess.items() if name != 'altitude'}
+            down = tuple(0.0 - v for v in self.guess['altitude'])
+            object.__setattr__(self, 'guess', {**rest, 'z_e': down})
+        for name, value in self.guess.items():
+            self._check_name('guess', name, (*self.model.states, *self.model.controls))
+            if len(value) == 0 or not all(math.isfinite(v) for v in value):
+                raise InputError(f'{self.name}: guess.{name}: must be finite numbers, got {value}')
+
+    def _check_bounds(self, group: str) -> None:
+        model = self.model
+        for name, (lower, upper) in getattr(self, group).items():
+            # what a vehicle puts out is known after tracing it, which may take a while
+            if name not in (*model.states, *model.controls, *KINEMATICS):
+                self._check_name(group, name, self._quantities)
             if math.isnan(lower) or math.isnan(upper) or lower > upper:
                 raise InputError(
                     f'{self.name}: {group}.{name}: [{lower:g}, {upper:g}] is not a range '
                     'from lower to upper'
                 )
-            singular = self.vehicle.model().dynamics.singular_at.get(name)
+            singular = model.dynamics.singular_at.get(name)
             if singular is not None and lower == upper == singular:
                 raise InputError(
                     f'{self.name}: {group}.{name}: {self.vehicle.model_name} is singular at '
                     f'{name} = {singular:g}: keep away from it, if only by a little'
                 )
-            path_lower, path_upper = self.path.get(name, (-math.inf, math.inf))
-            if lower > path_upper or upper < path_lower:
-                raise InputError(
-                    f'{self.name}: {group}.{name}: [{lower:g}, {upper:g}] lies outside the path '
-                    f'bounds [{path_lower:g}, {path_upper:g}]'
-                )
+            for bounds, whose in (
+                (self.path.get(name, UNBOUNDED), 'the path bounds'),
+                (self._own.get(name, UNBOUNDED), f'what {self.vehicle.name} can do,'),
+            ):
+                if lower > bounds[1] or upper < bounds[0]:
+                    raise InputError(
+                        f'{self.name}: {group}.{name}: [{lower:g}, {upper:g}] lies outside '
+                        f'{whose} [{bounds[0]:g}, {bounds[1]:g}]'
+                    )
+
+    @property
+    def _quantities(self) -> tuple[str, ...]:
+        stage = self.stage
+        return (*stage.states, *stage.controls, *stage.outputs)
+
+    @cached_property
+    def _own(self) -> dict[str, tuple[float, float]]:
+        """What the vehicle can do and stand, and where its aerodynamics are known."""
+        found: dict[str, tuple[float, float]] = {}
+        for group in (self.model.controls, self.vehicle.limits, self.vehicle.box):
+            for name, given in self._down('limits', group).items():
+                found[name] = _common(found.get(name, UNBOUNDED), given)
+        return found
+
+    @property
+    def bounded(self) -> dict[str, tuple[float, float]]:
+        """Bounds along the path of every quantity that has some, the vehicle's own included."""
+        names = {**self.path, **self._own}
+        known = self._quantities if set(names) - set(self.model.states) else self.model.states
+        every = {name: self.limits(name) for name in names if name in known}
+        return {name: limits for name, limits in every.items() if limits != UNBOUNDED}
 
     def limits(self, name: str) -> tuple[float, float]:
-        """Return the bounds of a state or control along the path, the vehicle's own included.
-
-        Raises
-        ------
-        InputError
-            If the two leave nothing.
-        """
-        lower, upper = self.path.get(name, (-math.inf, math.inf))
-        own_lower, own_upper = self.vehicle.model().controls.get(name, (-math.inf, math.inf))
-        if max(lower, own_lower) > min(upper, own_upper):
-            raise InputError(
-                f'{self.name}: path.{name}: [{lower:g}, {upper:g}] lies outside what '
-                f'{self.vehicle.name} can do, [{own_lower:g}, {own_upper:g}]'
-            )
-        return max(lower, own_lower), min(upper, own_upper)
+        """Return the bounds of a quantity along the path, the vehicle's own included."""
+        return _common(self.path.get(name, UNBOUNDED), self._own.get(name, UNBOUNDED))
 
     def with_changes(
         self,
@@ -172,11 +231,15 @@ class Problem:
         """Return the problem with named bounds and other fields replaced, checked again."""
         return replace(
             self,
-            initial={**self.initial, **(initial or {})},
-            final={**self.final, **(final or {})},
-            path={**self.path, **(path or {})},
+            initial={**self.initial, **self._down('initial', initial or {})},
+            final={**self.final, **self._down('final', final or {})},
+            path={**self.path, **self._down('path', path or {})},
             **changes,
         )
+
+
+def _common(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
+    return max(a[0], b[0]), min(a[1], b[1])
 
 
 def load_problem(
@@ -230,27 +293,24 @@ def _problem(path: Path, document: dict[str, Any], config_dir: str | Path | None
             raise InputError(f'{path}: {key}: expected names and values, got {value!r}')
         return {str(k): v for k, v in value.items()}
 
-    duration_keys = ('lower', 'upper', 'guess')
-    duration = check_keys(document['duration'], duration_keys, f'{path}: duration')
-    for key in duration_keys:
-        if key not in duration:
-            raise InputError(f"{path}: duration: '{key}' is missing")
-    times = {k: number(v, f'{path}: duration.{k}') for k, v in duration.items()}
     defaults = Problem.__dataclass_fields__
     wind = document.get('wind_ned', [0, 0, 0])
     if not isinstance(wind, list):
         raise InputError(f'{path}: wind_ned: expected [north, east, down], got {wind!r}')
+    lower, upper, guess = _duration(document['duration'], f'{path}: duration')
     return Problem(
         name=path.stem,
-        vehicle=load_vehicle(text(document['vehicle'], f'{path}: vehicle'), config_dir),
+        vehicle=_vehicle(path, document, config_dir),
         description=text(document.get('description', ''), f'{path}: description'),
-        objective=text(document.get('objective', 'time'), f'{path}: objective'),
-        duration=(times['lower'], times['upper']),
-        duration_guess=times['guess'],
-        initial={k: bounds(v, f'{path}: initial.{k}') for k, v in named('initial').items()},
-        final={k: bounds(v, f'{path}: final.{k}') for k, v in named('final').items()},
-        path={k: bounds(v, f'{path}: path.{k}') for k, v in named('path').items()},
-        guess={k: _points(v, f'{path}: guess.{k}') for k, v in named('guess').items()},
+        objective=parse_objective(document.get('objective', 'time'), f'{path}: objective'),
+        duration=(lower, upper),
+        duration_guess=guess,
+        initial={
+            k: named_bounds(k, v, f'{path}: initial.{k}') for k, v in named('initial').items()
+        },
+        final={k: named_bounds(k, v, f'{path}: final.{k}') for k, v in named('final').items()},
+        path={k: named_bounds(k, v, f'{path}: path.{k}') for k, v in named('path').items()},
+        guess={k: _points(k, v, f'{path}: guess.{k}') for k, v in named('guess').items()},
         wind_ned=tuple(number(w, f'{path}: wind_ned') for w in wind),
         nodes=whole_number(
             document.get('nodes', defaults['nodes'].default),
@@ -269,6 +329,43 @@ def _problem(path: Path, document: dict[str, Any], config_dir: str | Path | None
     )
 
 
-def _points(value: Any, where: str) -> tuple[float, ...]:
+def _vehicle(path: Path, document: dict[str, Any], config_dir: str | Path | None) -> Vehicle:
+    vehicle = load_vehicle(text(document['vehicle'], f'{path}: vehicle'), config_dir)
+    if 'model' not in document:
+        return vehicle
+    return vehicle.with_model(text(document['model'], f'{path}: model'))
+
+
+def _duration(value: Any, where: str) -> tuple[float, float, float]:
+    """Return (lower, upper, guess) [s] of a number, or of a mapping that has the three."""
+    if not isinstance(value, Mapping):
+        fixed = number(value, where)
+        return fixed, fixed, fixed
+    keys = ('lower', 'upper', 'guess')
+    given = check_keys(value, keys, where)
+    for key in keys:
+        if key not in given:
+            raise InputError(f"{where}: '{key}' is missing")
+    lower, upper, guess = (number(given[key], f'{where}.{key}') for key in keys)
+    return lower, upper, guess
+
+
+def _points(name: str, value: Any, where: str) -> tuple[float, ...]:
     values = value if isinstance(value, list) else [value]
-    return tuple(number(v, where) for v in values)
+    read = in_degrees if name in IN_DEGREES else number
+    return tuple(read(v, where) for v in values)
+
+
+_stages: dict[str, Stage] = {}
+
+
+def _stage(vehicle: Vehicle) -> Stage:
+    """Return the traced model; traced again only when the vehicle has changed."""
+    key = repr(vehicle)
+    stage = _stages.get(key)
+    if stage is None:
+        stage = vehicle.model().stage()
+        while len(_stages) >= MAX_STAGES:
+            _stages.pop(next(iter(_stages)), None)
+        _stages[key] = stage
+    return stage

@@ -84,6 +84,51 @@ def test_linear_controls_are_verified_too(planner: Planner) -> None:
     assert report.final_time == pytest.approx(FLIP_OPTIMUM, abs=2e-3)
 
 
+# kg: all of it burnt at once, at the start, by the rocket equation from the speed that it takes
+ROCKET_INFIMUM = 198_686.24
+
+
+def test_rocket_comes_down_to_the_least_fuel_and_never_below(planner: Planner) -> None:
+    """Thrust has no limit: what is lost to burning through one interval goes with its length."""
+    for interpolation in ('previous', 'linear'):
+        over = []
+        for nodes in (25, 50, 100):
+            report = planner.plan(
+                load_problem(
+                    'rocket_climb', [f'nodes={nodes}', f'control_interpolation={interpolation}']
+                )
+            ).report
+            assert report.verified, report.message
+            over.append(report.objective / ROCKET_INFIMUM - 1)
+        assert over[2] > 0
+        assert over[2] < 0.006
+        assert over[:2] == pytest.approx([2 * over[1], 2 * over[2]], rel=0.05)
+
+
+def test_turning_back_is_solved_verified_and_near_the_optimum(planner: Planner) -> None:
+    plan = planner.plan(load_problem('cessna152_turnback'))
+    report = plan.report
+    assert report.verified, report.message
+    # m, s: Legendre-Gauss-Radau collocation with AeroBuildup itself, 60 to 150 intervals agree.
+    # The table of aerodynamics is within a few tenths of a percent, the mesh within some mm.
+    assert report.objective == pytest.approx(45.641, abs=0.1)
+    assert report.final_time == pytest.approx(16.58, abs=0.05)
+    flown = plan.trajectory
+    assert flown['speed'].min() > 23 - 1e-3
+    assert np.abs(flown['bank']).max() < np.radians(60) + 1e-6
+    assert flown['alpha'].max() < 12 + 1e-6
+
+
+@pytest.mark.slow
+def test_glide_is_solved_verified_and_near_the_optimum(planner: Planner) -> None:
+    plan = planner.plan(load_problem('cessna152_glide'))
+    assert plan.report.verified, plan.report.message
+    # m, s: as above. Between the nodes the plan may skim a little below the ground.
+    assert plan.report.objective == pytest.approx(20_921, abs=5)
+    assert plan.report.final_time == pytest.approx(587.9, abs=2)
+    assert plan.trajectory['altitude'].min() > -1e-3
+
+
 def test_a_tampered_plan_fails_verification(flip) -> None:  # type: ignore[no-untyped-def]
     stage = load_vehicle('quadcopter').model().stage()
     plan = flip.trajectory

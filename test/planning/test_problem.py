@@ -1,0 +1,122 @@
+"""Problems: what they accept, what they refuse, and what they make of it."""
+
+import numpy as np
+import pytest
+
+from flightdyn.errors import InputError, ResultCode
+from flightdyn.planning.guess import guess_columns, guess_duration
+from flightdyn.planning.objective import TIME, maximize
+from flightdyn.planning.planner import Planner
+from flightdyn.planning.problem import load_problem
+from flightdyn.planning.transcription import structure
+
+FLIP = 'quadcopter_flip'
+
+
+def test_altitude_is_minus_z_e_wherever_a_state_is() -> None:
+    problem = load_problem(
+        FLIP,
+        [
+            'initial={altitude: 2}',
+            'final={altitude: [1, 3]}',
+            'path={altitude: [0, null]}',
+            'guess={altitude: [2, 1]}',
+        ],
+    )
+    assert problem.initial == {'z_e': (-2, -2)}
+    assert problem.final == {'z_e': (-3, -1)}
+    assert problem.path == {'z_e': (-np.inf, 0)}
+    assert problem.guess == {'z_e': (-2, -1)}
+    changed = problem.with_changes(final={'altitude': (5.0, 6.0)})
+    assert changed.final == {'z_e': (-6, -5)}
+
+
+@pytest.mark.parametrize('group', ['initial', 'final', 'path', 'guess'])
+def test_altitude_and_z_e_together_are_refused(group: str) -> None:
+    with pytest.raises(InputError, match=f'{group}: give altitude or z_e'):
+        load_problem(FLIP, [f'{group}={{altitude: 1, z_e: -1}}'])
+
+
+def test_duration_may_be_fixed() -> None:
+    problem = load_problem(FLIP, ['duration=1.5'])
+    assert (problem.duration, problem.duration_guess) == ((1.5, 1.5), 1.5)
+    report = Planner().plan(problem).report
+    assert report.code == ResultCode.SUCCESS, report.message
+    assert report.final_time == report.objective == 1.5
+    other = problem.with_changes(duration=(2.0, 2.0))
+    assert guess_duration(other) == 2
+
+
+def test_objectives_of_files_and_of_python_are_the_same() -> None:
+    problem = load_problem(FLIP)
+    assert problem.objective == TIME
+    far = load_problem(FLIP, ['objective={maximize: final.x_e}'])
+    assert far.objective == problem.with_changes(objective=maximize('final.x_e')).objective
+
+
+def test_only_the_names_of_bounded_outputs_are_built_in() -> None:
+    problem = load_problem(FLIP, ['path={airspeed: [0, 9], x_e: [null, 4]}', 'final.gamma=0'])
+    built = structure(problem, problem.stage)
+    assert (built.along, built.first, built.last) == (('airspeed',), (), ('gamma', 'airspeed'))
+    other = problem.with_changes(path={'airspeed': (1.0, 7.0)}, final={'gamma': (0.0, 1.0)})
+    assert structure(other, other.stage) == built
+
+
+def test_an_end_that_is_free_is_guessed_like_the_other() -> None:
+    problem = load_problem(FLIP, ['initial={x_e: 3, u_b: [1, 2]}', 'final={z_e: 4}', 'guess={}'])
+    columns = guess_columns(problem, ('x_e', 'u_b', 'z_e', 'theta'), np.array([0.0, 1.0]))
+    np.testing.assert_array_equal(columns, [[3, 3], [1.5, 1.5], [4, 4], [0, 0]])
+
+
+def test_alpha_is_in_degrees_as_everywhere() -> None:
+    glide = load_problem('cessna152_glide', ['path.alpha=[-2 deg, 12]', 'guess.alpha=[3 deg, 4]'])
+    assert glide.path['alpha'] == (-2, 12)
+    assert glide.guess['alpha'] == (3, 4)
+    assert glide.path['gamma'] == pytest.approx((-1.396263, 1.396263))
+
+
+def test_what_the_vehicle_stands_is_bounded_too() -> None:
+    glide = load_problem('cessna152_glide', ['path.airspeed=[30, 200]'])
+    assert glide.limits('airspeed')[0] == 30
+    assert glide.limits('airspeed')[1] < 77  # never exceed, and where its aerodynamics are known
+    assert glide.limits('alpha') == (-5, 15)
+    assert glide.bounded['load_factor'] == (-1.76, 4.4)
+    with pytest.raises(InputError, match=r'path\.airspeed: .* outside what cessna152 can do'):
+        load_problem('cessna152_glide', ['path.airspeed=[100, 200]'])
+
+
+def test_another_class_may_fly_the_vehicle() -> None:
+    turning = load_problem('cessna152_glide', ['model=DynamicsPointMass3DSpeedGammaTrack'])
+    assert 'track' in turning.stage.states
+    with pytest.raises(InputError, match="unknown model 'DynamicsX'"):
+        load_problem('cessna152_glide', ['model=DynamicsX'])
+
+
+@pytest.mark.parametrize(
+    ('setting', 'message'),
+    [
+        ('path.airspeeed=[0, 3]', r"path: unknown 'airspeeed', did you mean 'airspeed'"),
+        ('initial.airspeeed=3', "initial: unknown 'airspeeed'"),
+        ('final.load=3', "final: unknown 'load"),
+        ('guess.airspeed=3', "guess: unknown 'airspeed'"),
+        ('final.airspeed=[3, 2]', 'lower bound 3 is above'),
+        ('final.thrust_left=[2, 3]', r'final\.thrust_left: .* outside what quadcopter can do'),
+        ('objective={maximize: final.x}', "unknown 'x'; known: x_e"),
+        ('objective={maximize: final.x_e +}', r'objective\.maximize: not a formula'),
+        ('duration={lower: 1, upper: 2}', "duration: 'guess' is missing"),
+        ('duration=long', 'duration: expected a number'),
+        ('duration=-1', 'must be positive'),
+        ('model=3', 'model: expected text'),
+    ],
+)
+def test_bad_settings_are_refused(setting: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        load_problem(FLIP, [setting])
+
+
+def test_an_output_bound_that_cannot_be_kept_is_named() -> None:
+    """The flip takes 4 m/s: at 1 m/s in a second it cannot be flown."""
+    report = Planner().plan(load_problem(FLIP, ['path.airspeed=[null, 0.5]', 'duration=1'])).report
+    assert report.code == ResultCode.INFEASIBLE
+    assert 'airspeed' in report.message
+    assert 'at their bounds' in report.message
