@@ -28,11 +28,18 @@ class Piece:
     function : Function of (z, p)
         Gives cost (1,) and constraints (m,) from variables z (nz,) and parameters, the last of
         which is the number of the repetition. A cost without elements is none.
+    slope, tangent : Functions of (z, p)
+        Give the cost and its gradient (1, nz), the constraints and their Jacobian (m, nz).
+    curvature : Function of (z, p, lam_f, lam)
+        Gives the upper half of the Hessian of lam_f cost + lam' constraints.
     gather : int array (nz, n)
         Which of the programme's variables z is in each repetition, increasing down each column.
     """
 
     function: cas.Function
+    slope: cas.Function
+    tangent: cas.Function
+    curvature: cas.Function
     gather: Index
 
     @property
@@ -74,7 +81,7 @@ def block_derivatives(pieces: Sequence[Piece], linear: Index, size: int) -> dict
     gradient, jacobian, hessian = _Elements(), _Elements(), _Elements()
     for piece in pieces:
         m, n = piece.function.size1_out(1), piece.gather.shape[1]
-        slope, tangent, curvature = _differentiated(piece)
+        slope, tangent, curvature = piece.slope, piece.tangent, piece.curvature
         local, repeated = _arguments(piece, w, p)
         if piece.has_cost:
             costs, elements = _repeated(slope, n)(local, repeated)
@@ -139,14 +146,16 @@ def _arguments(piece: Piece, w: cas.MX, p: cas.MX) -> tuple[cas.MX, cas.MX]:
     return local, cas.vertcat(cas.repmat(p, 1, n), cas.DM(range(n)).T)
 
 
-def _differentiated(piece: Piece) -> tuple[cas.Function, cas.Function, cas.Function]:
-    """Return (z, p) -> cost, gradient' and rows, Jacobian; (z, p, lam_f, lam) -> Hessian."""
-    function = piece.function
+def differentiated(
+    function: cas.Function,
+) -> tuple[cas.Function, cas.Function, cas.Function, cas.Function]:
+    """Return a piece's function of scalars (SX) and its derivatives."""
     z, p = (cas.SX.sym(s, function.size1_in(i)) for i, s in enumerate('zp'))
     cost, rows = function(z, p)
     lam_f, lam = cas.SX.sym('lam_f'), cas.SX.sym('lam', rows.size1())
     lagrangian = lam_f * cost + cas.dot(lam, rows)
     return (
+        function,
         cas.Function('slope', [z, p], [cost, cas.jacobian(cost, z)]),
         cas.Function('tangent', [z, p], [rows, cas.jacobian(rows, z)]),
         cas.Function('curvature', [z, p, lam_f, lam], [cas.triu(cas.hessian(lagrangian, z)[0])]),

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..dynamics.stage import Stage
-from ..simulation.integrator import rk4_step
 from ..trajectory import Interpolation
-from .blocks import Index, Piece, block_derivatives, programme
+from .blocks import Index, Piece, block_derivatives, differentiated, programme
 from .guess import guess_columns, guess_duration
+from .interval import interval
 from .objective import TIME, Objective, trace, with_integrals
 from .problem import Problem
 
@@ -145,31 +145,36 @@ class MultipleShooting:
         linear = self.mesh.control_interpolation == 'linear'
         x, u0, duration = (cas.SX.sym(s, k) for s, k in (('x', self.nx), ('u', self.nu), ('t', 1)))
         u1 = cas.SX.sym('u1', self.nu) if linear else u0
+        z = cas.vertcat(x, u0, u1, duration) if linear else cas.vertcat(x, u0, duration)
         scale = self._parameters()
+        every = cas.vertcat(*scale.values())
         total = duration * scale['T']
-        step = total / self.mesh.intervals
-        p = cas.vertcat(scale['wind'], scale['number'] * step)
-        fly = rk4_step(with_integrals(self.stage, self.costs.rates), self.mesh.substeps)
-        begin = cas.vertcat(x * scale['x'], cas.SX.zeros(self.costs.count))
-        flown = fly(begin, u0 * scale['u'], u1 * scale['u'], p, step)
-        cost = cas.SX(1, 1)
-        if self.costs.count:
-            sums = flown[self.nx :]
-            cost = self._signed(cas.dot(self.costs.weights(total), sums)) / scale['f']
+        p = cas.vertcat(scale['wind'], scale['number'] * total / self.mesh.intervals)
         outputs = self.stage.function(x * scale['x'], u0 * scale['u'], p)[1]
         along = self._scaled(outputs, self.structure.along, scale['y'])
-        z = cas.vertcat(x, u0, u1, duration) if linear else cas.vertcat(x, u0, duration)
-        function = cas.Function(
-            'interval',
-            [z, cas.vertcat(*scale.values())],
-            [cost, cas.vertcat(flown[: self.nx] / scale['x'], along)],
+        begin = cas.vertcat(x * scale['x'], cas.SX.zeros(self.costs.count))
+        start = cas.vertcat(begin, u0 * scale['u'], u1 * scale['u'], total)
+        end = cas.SX.sym('end', self.nx + self.costs.count)
+        cost = self._integral_cost(total, end[self.nx :], scale['f'])
+        functions = interval(
+            with_integrals(self.stage, self.costs.rates),
+            (self.mesh.intervals, self.mesh.substeps),
+            cas.Function('start', [z, every], [start]),
+            cas.Function('finish', [end, z, every], [cost, end[: self.nx] / scale['x']]),
+            cas.Function('along', [z, every], [along]),
         )
         k = np.arange(self.mesh.intervals)
         x_index = k * self.nx + np.arange(self.nx)[:, None]
         u_index = self._controls + k * self.nu + np.arange(self.nu)[:, None]
         running = [u_index + self.nu] if linear else []
         last = np.full((1, k.size), self.size - 1)
-        return Piece(function, np.vstack([x_index, u_index, *running, last]))
+        return Piece(*functions, gather=np.vstack([x_index, u_index, *running, last]))
+
+    def _integral_cost(self, total: cas.SX, sums: cas.SX, scale: cas.SX) -> cas.SX:
+        """Return what the integrals over an interval add to the objective, scaled."""
+        if not self.costs.count:
+            return cas.SX(1, 1)
+        return self._signed(cas.dot(self.costs.weights(total), sums)) / scale
 
     def _ends(self) -> Piece:
         """Return the piece of what depends on the ends: part of the objective, bounded outputs.
@@ -205,7 +210,7 @@ class MultipleShooting:
                 [self.size - 1],
             ]
         )
-        return Piece(function, gather[:, None])
+        return Piece(*differentiated(function), gather=gather[:, None])
 
     def _scaled(
         self, outputs: cas.SX, names: tuple[str, ...], scale: cas.SX, offset: int = 0

@@ -4,7 +4,7 @@ import casadi as cas
 import numpy as np
 import pytest
 
-from flightdyn.planning import blocks
+from flightdyn.planning import blocks, interval
 from flightdyn.planning.objective import TIME, maximize, minimize
 from flightdyn.planning.transcription import Mesh, MultipleShooting, Structure
 from flightdyn.vehicles.vehicle import load_vehicle
@@ -31,9 +31,11 @@ STRUCTURES = {
 @pytest.mark.parametrize('name', STRUCTURES)
 @pytest.mark.parametrize('interpolation', ['previous', 'linear'])
 @pytest.mark.parametrize('intervals', [2, 7])
+@pytest.mark.parametrize('chained', [False, True])
 def test_blocks_are_the_derivatives_of_the_programme(
-    intervals: int, interpolation: str, name: str
+    chained: bool, intervals: int, interpolation: str, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(interval, 'WRITTEN_OUT', -1 if chained else 10**6)
     mesh = Mesh(intervals, 2, interpolation)  # type: ignore[arg-type]
     stage = load_vehicle('quadcopter').model().stage()
     shooting = MultipleShooting(stage, mesh, STRUCTURES[name])
