@@ -12,15 +12,22 @@ from ..resources import find_config
 from ..trajectory import Trajectory
 from ..vehicles.vehicle import Vehicle, load_vehicle
 from .gusts import Gusts
-from .simulator import Simulator
+from .simulator import MAX_STEP, Simulator
 
-KEYS = ('description', 'vehicle', 'duration', 'initial', 'controls', 'wind_ned', 'gusts')
+KEYS = (
+    *('description', 'vehicle', 'duration', 'initial', 'controls', 'wind_ned', 'gusts'),
+    *('max_step', 'rate'),
+)
+RATE = 200.0  # Hz
 GUST_KEYS = ('severity', 'seed', 'wind_at_20_ft')
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """A vehicle, its initial state, and controls that are held; `simulator()` flies it."""
+    """A vehicle, its initial state, and controls that are held; `simulator()` flies it.
+
+    `max_step` is the longest integration step [s], `rate` how often a flight is sampled [Hz].
+    """
 
     name: str
     description: str
@@ -30,6 +37,8 @@ class Scenario:
     controls: dict[str, float]
     wind_ned: tuple[float, ...]
     gusts: Gusts | None
+    max_step: float
+    rate: float
 
     def simulator(self) -> Simulator:
         """Return a simulator at the scenario's start."""
@@ -40,7 +49,12 @@ class Scenario:
             control_interpolation='previous',
         )
         return Simulator(
-            self.vehicle.model(), self.initial, held, wind=self.wind_ned, gusts=self.gusts
+            self.vehicle.model(),
+            self.initial,
+            held,
+            wind=self.wind_ned,
+            gusts=self.gusts,
+            max_step=self.max_step,
         )
 
 
@@ -55,7 +69,7 @@ def load_scenario(name: str, config_dir: str | Path | None = None) -> Scenario:
     path = Path(name) if name.endswith(('.yaml', '.yml')) else None
     path = path or find_config('scenarios', name, config_dir)
     document = check_keys(load_yaml(path), KEYS, str(path))
-    for key in ('vehicle', 'duration', 'controls'):
+    for key in ('vehicle', 'duration'):
         if key not in document:
             raise InputError(f"{path}: '{key}' is missing")
     vehicle = load_vehicle(text(document['vehicle'], f'{path}: vehicle'), config_dir)
@@ -63,10 +77,15 @@ def load_scenario(name: str, config_dir: str | Path | None = None) -> Scenario:
     wind = document.get('wind_ned', [0, 0, 0])
     if not isinstance(wind, list) or len(wind) != 3:
         raise InputError(f'{path}: wind_ned: expected [north, east, down], got {wind!r}')
-    duration = number(document['duration'], f'{path}: duration')
-    if duration <= 0:
-        raise InputError(f'{path}: duration: must be positive, got {duration:g}')
-    controls = check_keys(document['controls'], tuple(model.controls), f'{path}: controls')
+    positive = {'max_step': MAX_STEP, 'rate': RATE} | {
+        key: number(document[key], f'{path}: {key}')
+        for key in ('duration', 'max_step', 'rate')
+        if key in document
+    }
+    for key, value in positive.items():
+        if value <= 0:
+            raise InputError(f'{path}: {key}: must be positive, got {value:g}')
+    controls = check_keys(document.get('controls', {}), tuple(model.controls), f'{path}: controls')
     for control in model.controls:
         if control not in controls:
             raise InputError(f'{path}: controls: {control!r} is missing')
@@ -82,7 +101,7 @@ def load_scenario(name: str, config_dir: str | Path | None = None) -> Scenario:
         name=path.stem,
         description=text(document.get('description', ''), f'{path}: description'),
         vehicle=vehicle,
-        duration=duration,
+        **positive,
         initial={k: number(v, f'{path}: initial.{k}') for k, v in initial.items()},
         controls=held,
         wind_ned=tuple(number(w, f'{path}: wind_ned') for w in wind),

@@ -130,3 +130,28 @@ def test_scenario_beyond_the_vehicles_limits_is_refused(tmp_path: Path) -> None:
 def test_absurd_sampling_is_refused(duration: float, rate: float) -> None:
     with pytest.raises(InputError):
         fly(Simulator(MODEL, {}, held(0, 0)), duration, rate)
+
+
+def test_the_helium_balloon_rises_to_96_km_in_six_hours() -> None:
+    """CVODES at tight tolerance gives 96.01 km; AeroSandbox's own atmosphere 95.99 km."""
+    scenario = load_scenario('helium_balloon')
+    flown = fly(scenario.simulator(), scenario.duration, scenario.rate)
+    assert -flown.states['z_e'][-1] == pytest.approx(96_011.5, abs=5.0)
+
+
+@pytest.mark.parametrize(
+    ('line', 'message'),
+    [
+        ('duration: 0', 'duration: must be positive, got 0'),
+        ('max_step: -1', 'max_step: must be positive, got -1'),
+        ('rate: 0', 'rate: must be positive, got 0'),
+        ('controls: {thrust: 1}', "controls: unknown 'thrust'"),
+    ],
+)
+def test_a_scenario_says_what_is_wrong_with_it(tmp_path: Path, line: str, message: str) -> None:
+    path = tmp_path / 'scenario.yaml'
+    lines = {'vehicle': 'balloon', 'duration': '10'}
+    key, _, value = line.partition(': ')
+    path.write_text('\n'.join(f'{k}: {v}' for k, v in (lines | {key: value}).items()))
+    with pytest.raises(InputError, match=message):
+        load_scenario(str(path))
