@@ -142,7 +142,7 @@ def test_unverified_plan_exits_4(capsys: pytest.CaptureFixture[str]) -> None:
         (['plan', 'quadcopter_flip', '-o', 'plan.docx'], "suffix '.docx'"),
         (['plan', 'quadcopter_flip', '-o', 'nowhere/plan.json'], 'there is no folder nowhere'),
         (['plan', 'quadcopter_flip', '--config-dir', 'nowhere'], 'is not a folder'),
-        (['sim', 'nothing'], 'known: quadcopter_open_loop'),
+        (['sim', 'nothing'], 'quadcopter_open_loop'),
         (['sim', 'nowhere.json'], 'cannot read nowhere.json'),
         (['sim', 'quadcopter_open_loop', '--rate', '-5'], 'must be positive'),
         (['replay', 'nowhere.mcap'], 'nowhere.mcap'),

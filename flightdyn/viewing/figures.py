@@ -98,6 +98,8 @@ def history_figure(trajectory: Trajectory, names: Sequence[str] | None = None) -
         axes = figure.subplots(rows, columns, sharex=True, squeeze=False).T.ravel()
         for ax, panel in zip(axes, panels, strict=False):
             draw_columns(ax, trajectory, panel)
+            if list(panel) == ['z_e']:
+                ax.invert_yaxis()  # z points down, but up shall be up
         for ax in axes[len(panels) :]:
             ax.set_visible(False)
         last = [axes[min((i + 1) * rows, len(panels)) - 1] for i in range(columns)]

@@ -11,6 +11,7 @@ pytest.importorskip('matplotlib')
 from flights import flip, soaring
 
 from flightdyn.errors import InputError
+from flightdyn.trajectory import Trajectory
 from flightdyn.viewing import figures
 
 
@@ -92,3 +93,11 @@ def test_drawing_needs_neither_screen_nor_pyplot():
         'import flightdyn.viewing.figures; assert "matplotlib.pyplot" not in sys.modules'
     )
     subprocess.run([sys.executable, '-c', code], check=True)
+
+
+def test_a_climb_is_drawn_upward_though_z_points_down() -> None:
+    t = np.linspace(0, 10, 11)
+    climb = Trajectory(time=t, states={'z_e': -3 * t, 'w_e': np.full(11, -3.0)})
+    figure = figures.history_figure(climb)
+    inverted = {ax.get_ylabel(): ax.yaxis_inverted() for ax in figure.axes}
+    assert inverted == {'z_e [m]': True, 'w_e [m/s]': False}
