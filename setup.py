@@ -43,6 +43,7 @@ test = [
     'hypothesis>=6.150,<7',
     'mcap-ros2-support>=0.6,<0.7',
     'scipy>=1.15,<2',
+    'pyulog>=1,<2',
     'setuptools>=70.1,<80',  # below 70.1 it makes no wheels by itself; 80 is too new for colcon
 ]
 
@@ -72,7 +73,7 @@ setup(
     ],
     extras_require={
         'view': ['rerun-sdk>=0.41,<0.42', 'matplotlib>=3.9,<4', 'pyarrow>=18,<27'],
-        'mavlink': ['pymavlink>=2.4.42,<3'],
+        'ulog': ['pyulog>=1,<2'],
         'aero': ['aerosandbox>=4.2.10,<5', 'neuralfoil>=0.3.3,<0.4'],
         'batch': ['dask>=2025.1,<2027', 'distributed>=2025.1,<2027'],
         'bench': ['aerosandbox>=4.2.10,<5', 'mcap-ros2-support>=0.6,<0.7', 'scipy>=1.15,<2'],

@@ -1,4 +1,4 @@
-"""The `flightdyn` command: plan, sim, replay, info, models, vehicles.
+"""The `flightdyn` command: plan, sim, replay, info, convert, models, vehicles.
 
 Only results go to stdout; progress and errors go to stderr.
 """
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from .planning.solver import Iteration
+
+
+_LOG_HELP = 'flight log: MCAP, ROS bag, PX4 .ulg, ArduPilot .bin, .tlog, IGC, GPX, CSV'
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -72,18 +75,23 @@ def _parser() -> argparse.ArgumentParser:
 
     sim = command('sim', _sim, 'Simulate a scenario, or fly a plan open-loop.')
     sim.add_argument('scenario', help='name in config/scenarios, .yaml file, or plan .json file')
-    sim.add_argument('--rate', type=float, default=200.0, help='samples a second (200)')
+    sim.add_argument('--rate', type=float, help="samples a second (the scenario's, else 200)")
     _add_output(sim, export.FLIGHT_FORMATS)
 
     replay = command('replay', _replay, 'Turn flight logs into flight states.', config=False)
-    replay.add_argument('log', nargs='+', help='MCAP file')
+    replay.add_argument('log', nargs='+', help=_LOG_HELP)
     replay.add_argument('--source', metavar='TOPIC', help='use this topic, not the best one')
     replay.add_argument('--start', type=float, metavar='S', help='seconds from the log start')
     replay.add_argument('--end', type=float, metavar='S', help='seconds from the log start')
     _add_output(replay, export.REPLAY_FORMATS, "; with several logs '{log}' stands for their name")
 
     info = command('info', _info, 'Show what is in a log and what can be replayed.', config=False)
-    info.add_argument('log', help='MCAP file')
+    info.add_argument('log', help=_LOG_HELP)
+
+    convert = command('convert', _convert, 'Write a flight log as MCAP.', config=False)
+    convert.add_argument('log', help=_LOG_HELP.replace('MCAP, ', ''))
+    convert.add_argument('output', help='MCAP file to write')
+    convert.add_argument('--source', metavar='TOPIC', help='convert this topic, not the best one')
 
     command('models', _models, 'List the Dynamics family.', config=False)
     command('vehicles', _vehicles, 'List the configured vehicles.')
@@ -121,6 +129,7 @@ def _plan(arguments: argparse.Namespace) -> int:
         _print_table(
             [
                 ('problem', f'{problem.name} ({problem.vehicle.name})'),
+                ('objective', f'{report.objective:.8g}'),
                 ('final time', f'{report.final_time:.6g} s'),
                 ('iterations', str(report.iterations)),
                 ('solved in', f'{report.wall_s:.3g} s, {report.build_s:.3g} s of it building'),
@@ -179,7 +188,7 @@ def _iterations() -> "Iterator[Callable[['Iteration'], None] | None]":
 
 def _sim(arguments: argparse.Namespace) -> int:
     from .planning.plan_file import read_plan
-    from .simulation.scenario import load_scenario
+    from .simulation.scenario import RATE, load_scenario
     from .simulation.simulator import Simulator, fly
     from .vehicles.vehicle import load_vehicle
 
@@ -190,12 +199,12 @@ def _sim(arguments: argparse.Namespace) -> int:
         model = load_vehicle(planned.vehicle, arguments.config_dir).model()
         initial = {name: float(values[0]) for name, values in planned.states.items()}
         simulator = Simulator(model, initial, planned, wind=document['wind_ned'])
-        duration = planned.duration
+        duration, rate = planned.duration, RATE
     else:
         scenario = load_scenario(arguments.scenario, arguments.config_dir)
-        simulator, duration = scenario.simulator(), scenario.duration
+        simulator, duration, rate = scenario.simulator(), scenario.duration, scenario.rate
     also_at = None if planned is None else planned.time
-    flown = fly(simulator, duration, arguments.rate, also_at)
+    flown = fly(simulator, duration, rate if arguments.rate is None else arguments.rate, also_at)
     errors = {} if planned is None else export.deviation(flown, planned)
     summary = {
         'scenario': arguments.scenario,
@@ -222,6 +231,7 @@ def _sim(arguments: argparse.Namespace) -> int:
 
 
 def _replay(arguments: argparse.Namespace) -> int:
+    from .logs.any_log import is_mcap
     from .logs.recorded import read_plans
     from .replay import replay_log
 
@@ -234,7 +244,7 @@ def _replay(arguments: argparse.Namespace) -> int:
         replay = replay_log(log, source=arguments.source, start=arguments.start, end=arguments.end)
         summary = replay.summary()
         # our own recordings hold what was meant to be flown
-        plans = read_plans(log) if outputs else []
+        plans = read_plans(log) if outputs and is_mcap(log) else []
         planned = plans[-1] if plans else None
         flight = replace(replay.trajectory, vehicle=planned.vehicle if planned else '')
         for path in outputs:
@@ -267,9 +277,9 @@ def _altitude(summary: dict[str, Any]) -> str:
 
 
 def _info(arguments: argparse.Namespace) -> int:
-    from .logs.info import log_info
+    from .logs.any_log import describe
 
-    info = log_info(arguments.log).to_dict()
+    info = describe(arguments.log).to_dict()
     if arguments.json:
         print(json.dumps(info))
         return 0
@@ -282,6 +292,29 @@ def _info(arguments: argparse.Namespace) -> int:
     )
     for warning in info['warnings']:
         print(f'flightdyn: {arguments.log}: warning: {warning}', file=sys.stderr)
+    return 0
+
+
+def _convert(arguments: argparse.Namespace) -> int:
+    from .logs.convert import convert
+
+    summary = convert(arguments.log, arguments.output, arguments.source)
+    for warning in summary['warnings']:
+        print(f'flightdyn: {arguments.log}: warning: {warning}', file=sys.stderr)
+    if arguments.json:
+        print(json.dumps(summary))
+        return 0
+    _print_table(
+        [
+            ('log', f'{summary["file"]} ({summary["format"]})'),
+            ('source', f'{summary["source"]} ({summary["schema"]})'),
+            ('used', f'{summary["used"]} of {summary["messages"]} messages'),
+            *((f'  {reason}', str(n)) for reason, n in summary['dropped'].items()),
+            ('altitude', summary['altitude_datum']),
+            *((t['topic'], f'{t["schema"]}, {t["messages"]}') for t in summary['topics']),
+            ('written', summary['output']),
+        ]
+    )
     return 0
 
 

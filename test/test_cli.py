@@ -150,6 +150,9 @@ def test_unverified_plan_exits_4(capsys: pytest.CaptureFixture[str]) -> None:
         (['replay', str(GLIDER), '--start', '90000'], 'it runs from 0 s'),
         (['replay', str(GLIDER), str(GLIDER), '-o', 'x.csv'], "'{log}'"),
         (['info', __file__], 'MCAP'),
+        (['convert', str(GLIDER), 'out.mcap'], 'is an MCAP already'),
+        (['convert', str(GLIDER), 'out.csv'], "suffix '.csv', not .mcap"),
+        (['convert', 'nowhere.igc', 'out.mcap'], 'nowhere.igc'),
     ],
 )
 def test_bad_input_is_one_line_and_code_2(

@@ -62,7 +62,7 @@ def test_own_config_dir_comes_first(tmp_path: Path) -> None:
 
 
 def test_unknown_name_lists_the_known() -> None:
-    with pytest.raises(InputError, match='known: .*quadcopter_flip'):
+    with pytest.raises(InputError, match=r'known: .*quadcopter_flip'):
         resources.find_config('problems', 'quadcopter_flop')
 
 

@@ -25,6 +25,8 @@ class LogInfo:
     metadata : mapping of record name to mapping
     warnings : list of str
         What is wrong with the file.
+    format : str
+        Kind of file.
     """
 
     file: str
@@ -35,11 +37,13 @@ class LogInfo:
     sources: list[Source]
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
+    format: str = 'MCAP'
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON; the topics under `topics`."""
         return {
             'file': self.file,
+            'format': self.format,
             'size': self.size,
             'profile': self.profile,
             'library': self.library,

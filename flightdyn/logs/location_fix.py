@@ -3,12 +3,11 @@
 References
 ----------
 .. [1] Foxglove schemas, LocationFix, https://docs.foxglove.dev/docs/sdk/schemas/location-fix
-.. [2] Protocol Buffers, *Encoding* and descriptor.proto, https://protobuf.dev
 """
 
 import json
 import struct
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ import numpy as np
 from ..errors import LogError
 from .mcap_columns import Columns
 from .mcap_container import McapFile, Schema
+from .protobuf import DAMAGE, message_types, wire
 
 _FAULTS = ('', 'not a LocationFix')
 _NAME = 'foxglove.LocationFix'
@@ -82,7 +82,7 @@ def read_columns(log: McapFile, channel_ids: Sequence[int]) -> Columns:
                 parts = parse(batch.data[start:end].tobytes())
                 for column, part in zip(columns, parts, strict=True):
                     column[row] = part
-            except (ValueError, KeyError, TypeError, OverflowError, struct.error, RecursionError):
+            except DAMAGE:
                 fault[row] = 1
             row += 1
     return Columns(log_time, publish_time, values, fault, _FAULTS)
@@ -108,83 +108,35 @@ def _number(value: Any) -> float:
 
 
 def _field_numbers(schema: Schema) -> dict[int, str] | None:
-    """Return LocationFix's field names by number, out of a FileDescriptorSet."""
+    """Return LocationFix's field names by number, None if it is not described."""
     try:
-        for _, file in _entries(schema.data, 1):
-            package = b''.join(v for _, v in _entries(file, 2)).decode()
-            for _, message in _entries(file, 4):
-                name = b''.join(v for _, v in _entries(message, 1)).decode()
-                if f'{package}.{name}' != _NAME:
-                    continue
-                found: dict[int, str] = {}
-                for _, item in _entries(message, 2):
-                    parts = dict(_wire(item))
-                    found[int(parts[3])] = parts[1].decode()
-                return found if {'latitude', 'longitude'} <= set(found.values()) else None
-    except (ValueError, KeyError, AttributeError, TypeError, struct.error):
-        pass
-    return None
+        described = message_types(schema).get(_NAME, ())
+    except LogError:
+        return None
+    found = {field.number: field.name for field in described}
+    return found if {'latitude', 'longitude'} <= set(found.values()) else None
 
 
 def _parse_protobuf(message: bytes, numbers: dict[int, str]) -> _Row:
-    fix: dict[str, Any] = dict.fromkeys(_FIELDS, 0)  # a zero is not written: proto3
+    fix: dict[str, Any] = dict.fromkeys(_FIELDS)  # a zero is not written: proto3
     covariance: list[float] = []
-    for number, value in _wire(message):
+    for number, value in wire(message):
         name = numbers.get(number, '')
-        if name == 'position_covariance':
-            packed = value if isinstance(value, bytes) else struct.pack('<d', value)
-            covariance.extend(struct.unpack(f'<{len(packed) // 8}d', packed))
+        if name == 'position_covariance' and isinstance(value, bytes):
+            covariance.extend(struct.unpack(f'<{len(value) // 8}d', value))
         elif name in fix:
             fix[name] = value
-    stamp = dict(_wire(fix['timestamp'])) if fix['timestamp'] else {}
+    stamp = dict(wire(fix['timestamp'])) if fix['timestamp'] else {}
     return (
-        stamp.get(1, 0),
-        stamp.get(2, 0),
-        float(fix['latitude']),
-        float(fix['longitude']),
-        float(fix['altitude']),
+        int(stamp.get(1, 0)),
+        int(stamp.get(2, 0)),
+        _double(fix['latitude']),
+        _double(fix['longitude']),
+        _double(fix['altitude']),
         covariance or [0.0] * 9,
-        fix['position_covariance_type'],
+        fix['position_covariance_type'] or 0,
     )
 
 
-def _entries(message: bytes, number: int) -> Iterator[tuple[int, bytes]]:
-    return ((n, v) for n, v in _wire(message) if n == number and isinstance(v, bytes))
-
-
-def _wire(message: bytes) -> Iterator[tuple[int, Any]]:
-    """Yield field number and value of a protobuf message: integers, doubles, floats, bytes."""
-    at = 0
-    while at < len(message):
-        key, at = _varint(message, at)
-        wire = key & 7
-        if wire == 0:
-            value, at = _varint(message, at)
-            yield key >> 3, value
-        elif wire == 1:
-            yield key >> 3, struct.unpack_from('<d', message, at)[0]
-            at += 8
-        elif wire == 5:
-            yield key >> 3, struct.unpack_from('<f', message, at)[0]
-            at += 4
-        elif wire == 2:
-            size, at = _varint(message, at)
-            if size > len(message) - at:
-                raise ValueError('a field is longer than its message')
-            yield key >> 3, message[at : at + size]
-            at += size
-        else:
-            raise ValueError(f'wire type {wire}')
-
-
-def _varint(message: bytes, at: int) -> tuple[int, int]:
-    value = shift = 0
-    while True:
-        if at >= len(message) or shift > 63:
-            raise ValueError('a number does not end')
-        byte = message[at]
-        at += 1
-        value |= (byte & 0x7F) << shift
-        if byte < 0x80:
-            return value, at
-        shift += 7
+def _double(value: bytes | None) -> float:
+    return 0.0 if value is None else float(struct.unpack('<d', value)[0])

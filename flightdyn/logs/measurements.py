@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import frames
+from ..environment.geodesy import GeodeticPoint
 from .mcap_columns import Columns
 from .timeline import Rows
-from .track import Track
+from .track import Datum, Track
 
 Array = NDArray[np.float64]
 
@@ -47,14 +48,28 @@ ODOMETRY_FIELDS = (
 VEHICLE_STATE_FIELDS = (*_STAMP, 'x_e', 'y_e', 'z_e', 'u_e', 'v_e', 'w_e', 'q_eb')
 
 _WORLD_FRAMES = ('map', 'odom', 'world', 'earth', 'map_ned', 'odom_ned')
+_NO_COLUMNS = ('stamp', 'datum', 'origin', 'epoch')
 _CHECK_WINDOW_S = 2.0
+_VERTICAL_SPEED = 0.5  # m/s; less may be the noise of altitudes
+
+WGS84_A = 6378137.0  # m, NIMA TR8350.2, 2000
+WGS84_E2 = 6.69437999014e-3  # first eccentricity squared, as above
 
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
     """Columns of a source, one row per message; names and units as in `Track`.
 
-    `stamp` is the time in the message [ns], below zero where it makes no sense.
+    Parameters
+    ----------
+    stamp : int array (n,)
+        Time in the message [ns], below zero where it makes no sense.
+    datum : str, optional
+        What altitudes, or those of the origin, are above; omitted: the ellipsoid.
+    origin : GeodeticPoint, optional
+        Origin of local positions, if the messages say it.
+    epoch : int array (n,), optional
+        Where this changes, the position was set anew: nothing is smoothed across that.
     """
 
     stamp: NDArray[np.int64]
@@ -66,13 +81,16 @@ class Measured:
     attitude: Array | None = None
     position_std: Array | None = None
     velocity_std: Array | None = None
+    datum: Datum = 'ellipsoid'
+    origin: GeodeticPoint | None = None
+    epoch: NDArray[np.int64] | None = None
 
     def columns(self) -> dict[str, Array]:
         """Return the columns that a track takes."""
         return {
             f.name: getattr(self, f.name)
             for f in fields(self)
-            if f.name != 'stamp' and getattr(self, f.name) is not None
+            if f.name not in _NO_COLUMNS and getattr(self, f.name) is not None
         }
 
 
@@ -82,15 +100,12 @@ def with_checked_velocity(track: Track) -> Track:
     A velocity is in whatever axes its publisher thought right; mavros, for one, gives velocities
     over the ground, with z down, in what should be body axes; others leave it zero.
     """
-    if track.velocity_ned is None or track.position_ned is None:
+    if track.velocity_ned is None:
         return track
-    error, limit = _velocity_error(track, track.velocity_ned)
-    if error <= limit:
+    wrong = contradiction(track, track.velocity_ned)
+    if not wrong:
         return track
-    warning = (
-        f'the velocity in {track.source} contradicts its positions by {error:.1f} m/s '
-        'and is not used'
-    )
+    warning = f'the velocity in {track.source} {wrong} and is not used'
     return replace(
         track, velocity_ned=None, velocity_std=None, warnings=[*track.warnings, warning]
     )
@@ -108,11 +123,7 @@ def fix_measurements(columns: Columns, rows: Rows, warnings: list[str]) -> Measu
     lat, lon, altitude = (columns[name] for name in ('latitude', 'longitude', 'altitude'))
     if 'status.status' in columns.values:
         rows.drop(columns['status.status'] < 0, 'no fix')
-    rows.drop(~(np.isfinite(lat) & np.isfinite(lon)), 'position not finite')
-    with np.errstate(invalid='ignore'):
-        rows.drop((np.abs(lat) > 90) | (np.abs(lon) > 180), 'position out of range')
-    rows.drop((lat == 0) & (lon == 0), 'position 0 N 0 E')
-    rows.drop(~np.isfinite(altitude), 'no altitude')
+    drop_no_positions(rows, lat, lon, altitude)
     covariance = columns['position_covariance'].reshape(-1, 3, 3)
     std = _std(_swap_covariance(covariance, frames.ned_from_enu))
     std[columns['position_covariance_type'] == 0] = np.nan
@@ -194,6 +205,43 @@ def vehicle_state_measurements(columns: Columns, rows: Rows, warnings: list[str]
     )
 
 
+def drop_no_positions(rows: Rows, lat: Array, lon: Array, altitude: Array) -> None:
+    """Drop rows whose latitude, longitude [deg] and altitude [m] are no position."""
+    rows.drop(~(np.isfinite(lat) & np.isfinite(lon)), 'position not finite')
+    with np.errstate(invalid='ignore'):
+        rows.drop((np.abs(lat) > 90) | (np.abs(lon) > 180), 'position out of range')
+    rows.drop((lat == 0) & (lon == 0), 'position 0 N 0 E')
+    rows.drop(~np.isfinite(altitude), 'no altitude')
+
+
+def stds_ned(horizontal: Array, vertical: Array) -> Array | None:
+    """Return 1-sigma (n, 3) of horizontal and vertical ones (n,), NaN where not above zero.
+
+    None if no row has one.
+    """
+    std = np.stack((horizontal, horizontal, vertical), axis=-1).astype(float)
+    with np.errstate(invalid='ignore'):
+        told = (np.isfinite(std) & (std > 0)).all(axis=-1, keepdims=True)
+    std = np.where(told, std, np.nan)
+    return std if told.any() else None
+
+
+def altitude_of(ellipsoid: Array | None, msl: Array | None, rows: Rows) -> tuple[Array, Datum]:
+    """Return the altitude above the ellipsoid, or above sea level if that was not filled.
+
+    Receivers that do not know the one leave it zero or not a number throughout.
+    """
+    choices: tuple[tuple[Array | None, Datum], ...] = ((ellipsoid, 'ellipsoid'), (msl, 'msl'))
+    for altitude, datum in choices:
+        if altitude is not None:
+            used = altitude[rows.used]
+            if (np.isfinite(used) & (used != 0)).any():
+                return altitude, datum
+    given = msl if ellipsoid is None else ellipsoid
+    assert given is not None
+    return given, 'unknown'
+
+
 _UNIT: tuple[frames.Vector, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -238,18 +286,44 @@ def _first(columns: Columns, name: str) -> str:
     return str(sound[0]) if sound.size else ''
 
 
-def _velocity_error(track: Track, velocity: Array) -> tuple[float, float]:
-    """Return how far a velocity is from the positions' and how far it may be [m/s].
+def contradiction(track: Track, velocity: Array) -> str:
+    """Return in what a velocity (n, 3) NED contradicts the positions, empty if in nothing.
 
-    Displacements over about two seconds are compared with the integral of the velocity.
+    Displacements over about two seconds are compared with the integral of the velocity: all of
+    it, and whether the vertical part is missing or has the wrong sign, which the speed of an
+    aircraft would hide.
     """
-    assert track.position_ned is not None
+    with np.errstate(over='ignore', invalid='ignore'):  # a damaged log may hold any number
+        moved, meant = _displacements(track, velocity)
+        return _contradiction(moved, meant)
+
+
+def _contradiction(moved: Array, meant: Array) -> str:
+    if moved.size == 0:
+        return ''
+    error = float(np.percentile(np.linalg.norm(moved - meant, axis=1), 75))
+    speed = float(np.median(np.linalg.norm(moved, axis=1)))
+    if error > max(1.0, 0.25 * speed):
+        return f'contradicts its positions by {error:.1f} m/s'
+    up, up_meant = moved[:, 2], meant[:, 2]
+    if np.percentile(np.abs(up), 90) < _VERTICAL_SPEED:
+        return ''
+    if not up_meant.any():
+        return 'has no vertical part'
+    scale = np.sqrt(np.mean(up**2) * np.mean(up_meant**2))
+    if np.mean(up * up_meant) < -0.5 * scale:
+        return 'has a vertical part of the wrong sign'
+    return ''
+
+
+def _displacements(track: Track, velocity: Array) -> tuple[Array, Array]:
+    """Return mean velocities (m, 3) over two seconds, out of positions and out of velocities."""
     sound = np.isfinite(velocity).all(axis=1)
     t = (track.time_ns - track.time_ns[0])[sound] * 1e-9
-    position, velocity = track.position_ned[sound], velocity[sound]
+    position, velocity = _metres(track)[sound], velocity[sound]
     segment = track.segment[sound]
     if t.size < 10:
-        return 0.0, 1.0
+        return np.empty((0, 3)), np.empty((0, 3))
     step = np.diff(t)[:, None]
     way = np.concatenate(
         (np.zeros((1, 3)), np.cumsum(0.5 * step * (velocity[1:] + velocity[:-1]), axis=0))
@@ -258,11 +332,22 @@ def _velocity_error(track: Track, velocity: Array) -> tuple[float, float]:
     stride = int(np.clip(round(_CHECK_WINDOW_S / max(usual, 1e-9)), 1, t.size // 2))
     time = t[stride:] - t[:-stride]
     whole = (segment[stride:] == segment[:-stride]) & (time > 0)
-    if not whole.any():
-        return 0.0, 1.0
-    moved = (position[stride:] - position[:-stride])[whole]
-    meant = (way[stride:] - way[:-stride])[whole]
-    time = time[whole]
-    error = np.linalg.norm(moved - meant, axis=1) / time
-    speed = np.linalg.norm(moved, axis=1) / time
-    return float(np.percentile(error, 75)), max(1.0, 0.25 * float(np.median(speed)))
+    time = time[whole][:, None]
+    moved = (position[stride:] - position[:-stride])[whole] / time
+    return moved, (way[stride:] - way[:-stride])[whole] / time
+
+
+def _metres(track: Track) -> Array:
+    """Return positions north, east, down (n, 3) [m] whose differences nearby are displacements."""
+    if track.position_ned is not None:
+        return track.position_ned
+    assert track.lat is not None and track.lon is not None
+    lat, lon = np.radians(track.lat), np.unwrap(np.radians(track.lon))
+    # Radii of curvature of the ellipsoid in the meridian and across it.
+    flat = 1 - WGS84_E2 * np.sin(lat) ** 2
+    across = WGS84_A / np.sqrt(flat)
+    along = across * (1 - WGS84_E2) / flat
+    north = np.cumsum(np.diff(lat, prepend=lat[:1]) * along)
+    east = np.cumsum(np.diff(lon, prepend=lon[:1]) * across * np.cos(lat))
+    height = np.zeros_like(lat) if track.altitude is None else track.altitude
+    return np.stack((north, east, -height), axis=-1)

@@ -1,17 +1,13 @@
 """Position sources of a log: which there are, and the track that one of them measured.
 
 What a topic holds is told by its schema and the fields in it, not by the topic's name. Of several
-usable sources these come first:
-
-- in flightdyn's own recordings: Odometry (it has velocity and attitude), VehicleState, then
-  fixes;
-- in any other log: fixes (they say where on earth), Odometry, then VehicleState;
-- among equals the one with more messages, then the topic first in the alphabet.
-
-Sources are never merged.
+usable sources the kind decides, in the order of `kinds`; among equals the one with more messages,
+then the topic first in the alphabet. Positions of several sources are never merged; where a
+position on earth comes without velocity, that of a topic beside it that agrees is taken, see
+`companions`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,54 +17,27 @@ import numpy as np
 from ..environment.geodesy import GeodeticPoint
 from ..errors import InputError, LogError
 from . import location_fix
-from .definitions import full_name
-from .mcap_columns import Columns, make_decoder, read_columns
-from .mcap_container import McapFile
-from .measurements import (
-    FIX_FIELDS,
-    LOCATION_FIX_FIELDS,
-    ODOMETRY_FIELDS,
-    VEHICLE_STATE_FIELDS,
-    Measured,
-    fix_measurements,
-    odometry_measurements,
-    vehicle_state_measurements,
-    with_checked_velocity,
+from .companions import is_velocity, with_companion_velocity
+from .decoders import decodable, decoded_columns
+from .kinds import (
+    LOCATION_FIX,
+    ORDER,
+    OWN_ORDER,
+    USABLE,
+    Kind,
+    fields_of,
+    kind_named,
+    kind_of,
 )
+from .mcap_container import McapFile, Schema
+from .measurements import Measured, with_checked_velocity
 from .timeline import Rows, arrange, choose_clock
 from .track import Datum, Track
 
 METADATA_NAME = 'flightdyn'
 """Name of the metadata record in flightdyn's own recordings."""
 
-Reader = Callable[[Columns, Rows, list[str]], Measured]
-
-
-@dataclass(frozen=True)
-class _Kind:
-    name: str
-    fields: tuple[str, ...]
-    measure: Reader
-
-
-_KINDS = {
-    'sensor_msgs/msg/NavSatFix': _Kind('fix', FIX_FIELDS, fix_measurements),
-    'foxglove_msgs/msg/LocationFix': _Kind('fix', LOCATION_FIX_FIELDS, fix_measurements),
-    'nav_msgs/msg/Odometry': _Kind('odometry', ODOMETRY_FIELDS, odometry_measurements),
-    'flightdyn_msgs/msg/VehicleState': _Kind(
-        'vehicle_state', VEHICLE_STATE_FIELDS, vehicle_state_measurements
-    ),
-}
-_LOCATION_FIX = _Kind('fix', LOCATION_FIX_FIELDS, fix_measurements)
-_ORDER = ('fix', 'odometry', 'vehicle_state')
-_OWN_ORDER = ('odometry', 'vehicle_state', 'fix')
-
 _TOPICS_SHOWN = 12  # an error is one line
-
-USABLE = (
-    'sensor_msgs/NavSatFix, nav_msgs/Odometry, flightdyn_msgs/VehicleState (ROS 2, CDR), '
-    'foxglove.LocationFix (CDR, JSON, protobuf)'
-)
 
 
 @dataclass(frozen=True)
@@ -80,7 +49,7 @@ class Source:
     topic, schema, encoding : str
         `schema` is empty if the topic has none.
     kind : str
-        'fix', 'odometry' or 'vehicle_state'; empty if it is no position source.
+        One of `kinds.ORDER`; empty if it is no position source.
     messages : int
     usable : bool
     rank : int
@@ -132,7 +101,7 @@ def list_sources(log: McapFile | str | Path) -> list[Source]:
         key = (channel.topic, channel.schema_id, channel.message_encoding)
         grouped.setdefault(key, []).append(channel.id)
     found = [_describe(log, *key, tuple(ids)) for key, ids in grouped.items()]
-    order = _OWN_ORDER if log.metadata_record(METADATA_NAME) else _ORDER
+    order = OWN_ORDER if log.metadata_record(METADATA_NAME) else ORDER
 
     def place(source: Source) -> tuple[bool, int, int, str]:
         kind = order.index(source.kind) if source.usable else len(order)
@@ -152,24 +121,29 @@ def _describe(
     if schema is None:
         lacks = f'has schema id {schema_id}, which is not in the file'
         return replace(source, note=lacks if schema_id else 'has no schema')
-    kind: _Kind | None
-    if encoding == 'cdr':
-        kind = _KINDS.get(full_name(schema.name))
-        if kind is None:
+    kind = _kind_of(schema, encoding)
+    if kind is None:
+        if is_velocity(schema, encoding):
+            return replace(source, note='a velocity: used with a fix beside it that agrees')
+        meant = kind_named(schema.name)
+        if meant is None and (decodable(schema, encoding) or encoding == 'json'):
             return replace(source, note='not a position, or not readable yet')
+        unreadable = f"message encoding '{encoding}' of {schema.name} is not readable yet"
+        return replace(source, kind=meant.name if meant else '', note=unreadable)
+    if not location_fix.readable(schema, encoding):
         try:
-            make_decoder(schema, kind.fields)
+            fields_of(kind, schema, encoding)
         except LogError as error:
             return replace(source, kind=kind.name, note=str(error))
-    else:
-        kind = _LOCATION_FIX if schema.name == 'foxglove.LocationFix' else None
-        if kind is None or not location_fix.readable(schema, encoding):
-            return replace(
-                source, note=f"message encoding '{encoding}' of {schema.name} is not readable yet"
-            )
     if messages == 0:
         return replace(source, kind=kind.name, note='has no messages')
     return replace(source, kind=kind.name, usable=True)
+
+
+def _kind_of(schema: Schema, encoding: str) -> Kind | None:
+    if location_fix.readable(schema, encoding):
+        return LOCATION_FIX
+    return kind_of(schema, encoding)
 
 
 def read_track(
@@ -249,14 +223,15 @@ def _read(
 ) -> Track:
     warnings = [*log.warnings, *notes]
     schema = log.schemas[log.channels[source.channels[0]].schema_id]
-    if source.encoding == 'cdr':
-        kind = _KINDS[full_name(schema.name)]
-        columns = read_columns(log, source.channels, kind.fields)
+    kind = _kind_of(schema, source.encoding)
+    assert kind is not None
+    if location_fix.readable(schema, source.encoding):
+        columns = location_fix.read_columns(log, source.channels)
+    else:
+        fields = fields_of(kind, schema, source.encoding)
+        columns = decoded_columns(log, source.channels, fields)
         if not schema.data.strip():
             warnings.append(f'schema {schema.name} has no text: the standard definition was used')
-    else:
-        kind = _LOCATION_FIX
-        columns = location_fix.read_columns(log, source.channels)
     rows = Rows(np.zeros(len(columns), np.uint8))
     for code, why in enumerate(columns.fault_names):
         if code:
@@ -266,6 +241,11 @@ def _read(
     if rows.used.size == 0:
         raise _NothingUsableError(_nothing(source, rows))
     index, segment = arrange(time, rows, warnings)
+    if measured.epoch is not None:
+        segment = np.cumsum(
+            np.diff(segment, prepend=segment[:1]).astype(bool)
+            | np.diff(measured.epoch[index], prepend=measured.epoch[index[:1]]).astype(bool)
+        )
     base = time[index[0]]
     chosen = _between(time - base, start, end)
     picked = chosen[index]
@@ -279,8 +259,9 @@ def _read(
             )
         raise _NothingUsableError(_nothing(source, rows))
     _, segment = np.unique(segment, return_inverse=True)
-    own = log.metadata_record(METADATA_NAME)
-    origin = recorded_origin(own, warnings) if measured.position_ned is not None else None
+    origin = measured.origin
+    if origin is None and measured.position_ned is not None:
+        origin = recorded_origin(log.metadata_record(METADATA_NAME), warnings)
     track = Track(
         time_ns=time[index],
         segment=segment.astype(np.int64),
@@ -294,7 +275,11 @@ def _read(
         warnings=warnings,
         **{name: column[index] for name, column in measured.columns().items()},
     )
-    return with_checked_velocity(track)
+    track = with_checked_velocity(track)
+    if track.lat is None or track.velocity_ned is not None:
+        return track
+    stamped = time is not columns.log_time
+    return with_companion_velocity(log, track, columns.log_time[index], stamped=stamped)
 
 
 def _nothing(source: Source, rows: Rows) -> str:
@@ -330,10 +315,10 @@ def recorded_origin(own: dict[str, str], warnings: list[str]) -> GeodeticPoint |
 def _datum(
     source: Source, measured: Measured, origin: GeodeticPoint | None, warnings: list[str]
 ) -> Datum:
-    if measured.position_ned is not None:
-        return 'ellipsoid' if origin else 'local'
+    if measured.position_ned is not None and origin is None:
+        return 'local'
     # ArduPilot's DDS client puts mean sea level into NavSatFix, against the message's definition.
     if source.topic.startswith('/ap/navsat'):
         warnings.append(f'{source.topic} is ArduPilot: its altitude is above mean sea level')
         return 'msl'
-    return 'ellipsoid'
+    return measured.datum

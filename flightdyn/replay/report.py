@@ -116,7 +116,7 @@ def replay_log(
     InputError
         If the source or the range has no samples.
     """
-    from ..logs.sources import read_track
+    from ..logs.any_log import read_track
 
     track = read_track(path, source=source, start=start, end=end)
     trajectory = reconstruct(

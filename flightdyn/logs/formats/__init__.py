@@ -1,0 +1,1 @@
+"""Flight logs that are no MCAP; `any_log` picks the module."""
