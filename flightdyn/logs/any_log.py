@@ -5,8 +5,9 @@ from pathlib import Path
 from types import ModuleType
 
 from ..errors import LogError
+from .choosing import check_range, first_usable
 from .formats import bags, dataflash, gpx, igc, phone_csv, tlog, ulog
-from .formats.reading import NothingUsableError, OpenedLog, check_range
+from .formats.reading import OpenedLog
 from .info import LogInfo, log_info
 from .kinds import ORDER
 from .mcap_container import McapFile
@@ -75,20 +76,12 @@ def track_of(
             raise LogError(f'{path}: {source} cannot be used: {candidates[0].note}')
     if not candidates:
         raise LogError(f'{path}: no usable position source. There are: {_listed(log.sources)}')
-    failures: list[str] = []
-    for candidate in candidates:
-        notes = list(failures)
-        others = [s.topic for s in usable if s.topic != candidate.topic]
-        if source is None and others:
-            notes.append(
-                f'{candidate.topic} was taken of {len(usable)} usable sources; '
-                f'others: {", ".join(others)}'
-            )
-        try:
-            return log.track(candidate, start, end, notes)
-        except NothingUsableError as nothing:
-            failures.append(str(nothing))
-    raise LogError(f'{path}: {"; ".join(failures)}')
+    return first_usable(
+        path,
+        candidates,
+        usable if source is None else [],
+        lambda candidate, notes: log.track(candidate, start, end, notes),
+    )
 
 
 def _read_mcap(path: Path, source: str | None, start: float | None, end: float | None) -> Track:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..errors import LogError
 from . import cdr, protobuf
 from .definitions import full_name, parse_definitions
-from .mcap_columns import Columns, make_decoder
+from .mcap_columns import Columns, filled, make_decoder
 from .mcap_container import McapFile, Schema
 from .ros1 import Ros1Decoder, ros1_definitions
 
@@ -85,16 +85,5 @@ def decoded_columns(log: McapFile, channel_ids: Sequence[int], fields: Sequence[
         decoder = decoder_of(log.schemas[channel.schema_id], encoding, fields)
     except LogError as error:
         raise LogError(f'{log.path}: topic {channel.topic}: {error}') from None
-    size = sum(log.message_counts[key] for key in channel_ids)
-    values = decoder.empty(size)
-    log_time, publish_time = np.zeros(size, np.int64), np.zeros(size, np.int64)
-    fault = np.zeros(size, np.uint8)
-    at = 0
-    for batch in log.batches(channel_ids):
-        rows = slice(at, at + len(batch))
-        at += len(batch)
-        log_time[rows], publish_time[rows] = batch.log_time, batch.publish_time
-        part = {name: column[rows] for name, column in values.items()}
-        fault[rows] = decoder.decode(batch.data, batch.start, batch.end, part)
     names = protobuf.FAULTS if encoding == 'protobuf' else cdr.FAULTS
-    return Columns(log_time, publish_time, values, fault, names)
+    return filled(log, channel_ids, decoder, names)

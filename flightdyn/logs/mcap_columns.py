@@ -85,6 +85,22 @@ def read_columns(log: McapFile, channel_ids: Sequence[int], fields: Sequence[str
         decoder = make_decoder(log.schemas[channels[0].schema_id], fields)
     except LogError as error:
         raise LogError(f'{log.path}: topic {channels[0].topic}: {error}') from None
+    return filled(log, channel_ids, decoder, FAULTS)
+
+
+def filled(
+    log: McapFile, channel_ids: Sequence[int], decoder: Any, fault_names: tuple[str, ...]
+) -> Columns:
+    """Return what a decoder finds in the messages of channels.
+
+    Parameters
+    ----------
+    decoder : CdrDecoder, or one alike
+        Has `empty(n)`, the columns of n messages, and `decode(data, start, end, columns)`, which
+        fills them and returns what is wrong with each.
+    fault_names : sequence of str
+        What its answers mean.
+    """
     size = sum(log.message_counts[key] for key in channel_ids)
     values = decoder.empty(size)
     log_time, publish_time = np.zeros(size, np.int64), np.zeros(size, np.int64)
@@ -96,4 +112,4 @@ def read_columns(log: McapFile, channel_ids: Sequence[int], fields: Sequence[str
         log_time[rows], publish_time[rows] = batch.log_time, batch.publish_time
         part = {name: column[rows] for name, column in values.items()}
         fault[rows] = decoder.decode(batch.data, batch.start, batch.end, part)
-    return Columns(log_time, publish_time, values, fault)
+    return Columns(log_time, publish_time, values, fault, fault_names)

@@ -17,6 +17,7 @@ import numpy as np
 from ..environment.geodesy import GeodeticPoint
 from ..errors import InputError, LogError
 from . import location_fix
+from .choosing import check_range, choose_samples, first_usable
 from .companions import is_velocity, with_companion_velocity
 from .decoders import decodable, decoded_columns
 from .kinds import (
@@ -31,7 +32,7 @@ from .kinds import (
 )
 from .mcap_container import McapFile, Schema
 from .measurements import Measured, with_checked_velocity
-from .timeline import Rows, arrange, choose_clock
+from .timeline import Rows, choose_clock
 from .track import Datum, Track
 
 METADATA_NAME = 'flightdyn'
@@ -75,10 +76,6 @@ class Source:
         values = asdict(self)
         del values['channels']
         return values
-
-
-class _NothingUsableError(Exception):
-    """A source turned out to hold no sample that can be used."""
 
 
 def list_sources(log: McapFile | str | Path) -> list[Source]:
@@ -168,8 +165,7 @@ def read_track(
     LogError
         If the file is damaged, has no (such) usable source, or fewer than two usable samples.
     """
-    if start is not None and end is not None and not start < end:
-        raise InputError(f'start {start:g} s must be before end {end:g} s')
+    check_range(start, end)
     with McapFile(path) as log:
         known = list_sources(log)
         usable = [s for s in known if s.usable]
@@ -179,20 +175,12 @@ def read_track(
                 f'{path}: no usable position source. Topics: {_topics(known)}. '
                 f'Usable would be: {USABLE}'
             )
-        failures: list[str] = []
-        for candidate in candidates:
-            notes = list(failures)
-            others = [s.topic for s in usable if s.topic != candidate.topic]
-            if source is None and others:
-                notes.append(
-                    f'{candidate.topic} was taken of {len(usable)} usable sources; '
-                    f'others: {", ".join(others)}'
-                )
-            try:
-                return _read(log, candidate, start, end, notes)
-            except _NothingUsableError as nothing:
-                failures.append(str(nothing))
-        raise LogError(f'{path}: {"; ".join(failures)}')
+        return first_usable(
+            path,
+            candidates,
+            usable if source is None else [],
+            lambda candidate, notes: track_of(log, candidate, start, end, notes),
+        )
 
 
 def _named(log: McapFile, known: Sequence[Source], topic: str) -> list[Source]:
@@ -218,9 +206,18 @@ def _topics(known: Sequence[Source]) -> str:
     return ', '.join(shown) or 'none'
 
 
-def _read(
+def track_of(
     log: McapFile, source: Source, start: float | None, end: float | None, notes: list[str]
 ) -> Track:
+    """Return what one source of a log measured; its warnings begin with the notes.
+
+    Raises
+    ------
+    LogError
+        If the file is damaged, or fewer than two usable samples are in the range asked for.
+    NothingUsableError
+        If fewer than two are in the log.
+    """
     warnings = [*log.warnings, *notes]
     schema = log.schemas[log.channels[source.channels[0]].schema_id]
     kind = _kind_of(schema, source.encoding)
@@ -238,33 +235,15 @@ def _read(
             rows.drop(columns.fault == code, why)
     measured = kind.measure(columns, rows, warnings)
     time = choose_clock(measured.stamp, columns.log_time, rows, warnings)
-    if rows.used.size == 0:
-        raise _NothingUsableError(_nothing(source, rows))
-    index, segment = arrange(time, rows, warnings)
-    if measured.epoch is not None:
-        segment = np.cumsum(
-            np.diff(segment, prepend=segment[:1]).astype(bool)
-            | np.diff(measured.epoch[index], prepend=measured.epoch[index[:1]]).astype(bool)
-        )
-    base = time[index[0]]
-    chosen = _between(time - base, start, end)
-    picked = chosen[index]
-    index, segment = index[picked], segment[picked]
-    if index.size < 2:
-        if start is not None or end is not None:
-            span = (time[rows.used].max() - base) * 1e-9
-            raise LogError(
-                f'{log.path}: {source.topic} has {index.size} usable samples in the range asked '
-                f'for; it runs from 0 s to {span:g} s'
-            )
-        raise _NothingUsableError(_nothing(source, rows))
-    _, segment = np.unique(segment, return_inverse=True)
+    index, segment, chosen = choose_samples(
+        log.path, source, time, rows, [measured.epoch], (start, end), warnings
+    )
     origin = measured.origin
     if origin is None and measured.position_ned is not None:
         origin = recorded_origin(log.metadata_record(METADATA_NAME), warnings)
     track = Track(
         time_ns=time[index],
-        segment=segment.astype(np.int64),
+        segment=segment,
         origin=origin,
         altitude_datum=_datum(source, measured, origin, warnings),
         file=str(log.path),
@@ -280,24 +259,6 @@ def _read(
         return track
     stamped = time is not columns.log_time
     return with_companion_velocity(log, track, columns.log_time[index], stamped=stamped)
-
-
-def _nothing(source: Source, rows: Rows) -> str:
-    counts = rows.counts(np.ones(rows.reason.size, bool))
-    reasons = ', '.join(f'{number} {why}' for why, number in counts.items()) or 'nothing dropped'
-    return (
-        f'{source.topic} has {rows.used.size} usable of {source.messages} messages ({reasons}); '
-        'motion needs at least two at different times'
-    )
-
-
-def _between(elapsed_ns: Any, start: float | None, end: float | None) -> Any:
-    chosen = np.ones(elapsed_ns.size, bool)
-    if start is not None:
-        chosen &= elapsed_ns >= start * 1e9
-    if end is not None:
-        chosen &= elapsed_ns <= end * 1e9
-    return chosen
 
 
 def recorded_origin(own: dict[str, str], warnings: list[str]) -> GeodeticPoint | None:

@@ -15,11 +15,10 @@ import numpy as np
 import yaml
 
 from ...errors import LogError
-from .. import sources
 from ..mcap_container import MAX_CHUNK_BYTES, Channel, McapFile, MessageBatch, Schema
-from ..sources import Source, list_sources
+from ..sources import Source, list_sources, track_of
 from ..track import Track
-from .reading import NothingUsableError, OpenedLog
+from .reading import OpenedLog
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -53,10 +52,7 @@ def open_log(path: Path) -> OpenedLog:
 
     def track(source: Source, start: float | None, end: float | None, notes: list[str]) -> Track:
         with _open(path) as bag:
-            try:
-                return sources._read(bag, source, start, end, notes)
-            except sources._NothingUsableError as nothing:
-                raise NothingUsableError(str(nothing)) from None
+            return track_of(bag, source, start, end, notes)
 
     return OpenedLog(
         path=path,

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError, LogError
+from ...errors import LogError
+from ..choosing import choose_samples
 from ..mcap_columns import Columns
 from ..measurements import Measured, fix_measurements, with_checked_velocity
 from ..sources import Source
-from ..timeline import Rows, arrange
+from ..timeline import Rows
 from ..track import Datum, Track
 
 MAX_TEXT_BYTES = 512 * 2**20
@@ -71,10 +72,6 @@ class OpenedLog:
 
 
 TrackMaker = Callable[[Source, float | None, float | None, list[str]], Track]
-
-
-class NothingUsableError(Exception):
-    """A source holds too few samples that can be used."""
 
 
 class FixTable:
@@ -246,32 +243,12 @@ def make_track(
     measured = reading.measure(columns, rows, warnings)
     time = measured.stamp
     rows.drop(time < 0, 'no time stamp')
-    if rows.used.size == 0:
-        raise NothingUsableError(_nothing(source, rows))
-    index, segment = arrange(time, rows, warnings)
-    for breaks in (reading.piece, measured.epoch):
-        if breaks is not None:
-            segment = _numbered(segment, breaks[index])
-    base = time[index[0]]
-    elapsed = (time - base) * 1e-9
-    chosen = np.ones(time.size, bool)
-    if start is not None:
-        chosen &= elapsed >= start
-    if end is not None:
-        chosen &= elapsed <= end
-    picked = chosen[index]
-    index, segment = index[picked], segment[picked]
-    if index.size < 2:
-        if start is not None or end is not None:
-            span = elapsed[rows.used].max()
-            raise LogError(
-                f'{path}: {source.topic} has {index.size} usable samples in the range asked '
-                f'for; it runs from 0 s to {span:g} s'
-            )
-        raise NothingUsableError(_nothing(source, rows))
+    index, segment, chosen = choose_samples(
+        path, source, time, rows, [reading.piece, measured.epoch], (start, end), warnings
+    )
     track = Track(
         time_ns=time[index],
-        segment=_numbered(segment),
+        segment=segment,
         origin=measured.origin,
         altitude_datum=reading.altitude_datum or measured.datum,
         file=str(path),
@@ -283,23 +260,6 @@ def make_track(
         **{name: column[index] for name, column in measured.columns().items()},
     )
     return with_checked_velocity(track)
-
-
-def _numbered(*labels: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return segments counted from 0; a new one wherever a label changes."""
-    changes = np.zeros(labels[0].size, bool)
-    for label in labels:
-        changes[1:] |= label[1:] != label[:-1]
-    return np.cumsum(changes).astype(np.int64)
-
-
-def _nothing(source: Source, rows: Rows) -> str:
-    counts = rows.counts(np.ones(rows.reason.size, bool))
-    reasons = ', '.join(f'{number} {why}' for why, number in counts.items()) or 'nothing dropped'
-    return (
-        f'{source.topic} has {rows.used.size} usable of {source.messages} samples ({reasons}); '
-        'motion needs at least two at different times'
-    )
 
 
 def text_lines(path: Path) -> Iterator[tuple[int, str]]:
@@ -329,12 +289,6 @@ def check_size(path: Path) -> None:
         raise LogError(
             f'{path}: {size} bytes; text logs are read up to {MAX_TEXT_BYTES >> 20} MiB'
         )
-
-
-def check_range(start: float | None, end: float | None) -> None:
-    """Raise InputError if a range of seconds is empty."""
-    if start is not None and end is not None and not start < end:
-        raise InputError(f'start {start:g} s must be before end {end:g} s')
 
 
 def steady_time(count: NDArray[np.int64], arrival: NDArray[np.int64]) -> NDArray[np.int64]:
