@@ -106,12 +106,12 @@ def choose_samples(
     if rows.used.size == 0:
         raise NothingUsableError(_nothing(source, rows))
     index, segment = arrange(time, rows, warnings)
-    elapsed = (time - time[index[0]]) * 1e-9
+    elapsed = time - time[index[0]]  # ns, in whole numbers: the ends of the span are in it
     chosen = np.ones(time.size, bool)
     if span[0] is not None:
-        chosen &= elapsed >= span[0]
+        chosen &= elapsed >= span[0] * 1e9
     if span[1] is not None:
-        chosen &= elapsed <= span[1]
+        chosen &= elapsed <= span[1] * 1e9
     picked = chosen[index]
     labels = [segment, *(each[index] for each in breaks if each is not None)]
     changes = np.zeros(index.size, bool)
@@ -123,7 +123,7 @@ def choose_samples(
         if span != (None, None):
             raise LogError(
                 f'{path}: {source.topic} has {index.size} usable samples in the range asked '
-                f'for; it runs from 0 s to {elapsed[rows.used].max():g} s'
+                f'for; it runs from 0 s to {elapsed[rows.used].max() * 1e-9:g} s'
             )
         raise NothingUsableError(_nothing(source, rows))
     _, segment = np.unique(segment, return_inverse=True)
