@@ -96,10 +96,7 @@ def arrange(
     rows.drop(repeated, 'repeated time')
     index = index[~repeated[index]]
     step = np.diff(time[index])
-    forward = step[step > 0]
-    limit = MIN_GAP_S * 1e9
-    if forward.size:
-        limit = max(limit, GAP_IN_MEDIANS * float(np.median(forward)))
+    limit = gap_limit(step * 1e-9) * 1e9
     backwards = step < 0
     if backwards.any():
         at = int(np.argmax(backwards))
@@ -109,6 +106,13 @@ def arrange(
         )
     segment = np.concatenate(([0], np.cumsum(backwards | (step > limit)))).astype(np.int64)
     return index, segment[: index.size]
+
+
+def gap_limit(steps: NDArray[np.float64]) -> float:
+    """Return the pause that begins a new segment, for the steps of a log's time [s]."""
+    forward = steps[steps > 0]
+    usual = float(np.median(forward)) if forward.size else 0.0
+    return max(MIN_GAP_S, GAP_IN_MEDIANS * usual)
 
 
 def _swap_late(time: Times, index: NDArray[np.intp], warnings: list[str]) -> NDArray[np.intp]:

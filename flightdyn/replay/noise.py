@@ -153,12 +153,19 @@ def _windows(position: Array, segment: NDArray[np.int64]) -> list[slice]:
         for part in stretches(segment)
         for i in range(part.start, part.stop, _WINDOW)
     ]
-    extent = np.nan_to_num([np.ptp(position[p], axis=0).max() for p in pieces])
+    extent = np.array([_extent(position[p]) for p in pieces])
     lengths = np.array([p.stop - p.start for p in pieces])
     keep = np.flatnonzero((extent >= 0.05 * extent.max()) & (lengths >= min(12, lengths.max())))
     if keep.size > _WINDOWS:
         keep = keep[np.linspace(0, keep.size - 1, _WINDOWS).round().astype(int)]
     return [pieces[i] for i in keep]
+
+
+def _extent(position: Array) -> float:
+    known = np.isfinite(position)
+    most = np.where(known, position, -np.inf).max(axis=0)
+    least = np.where(known, position, np.inf).min(axis=0)
+    return float(np.maximum(most - least, 0.0).max())
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,9 @@ from ..environment.geodesy import GeodeticPoint, geodetic_from_ned, ned_from_geo
 from ..errors import InputError
 from ..logs.track import Track
 from ..trajectory import Trajectory, stretches
-from .noise import MIN_STD, estimate_noise
+from .noise import MIN_STD, Noise, estimate_noise
+from .outliers import Rejected, Verdict, judge, judge_smoothed
+from .samples import Samples, merge_repeats, without, without_obvious
 from .smoother import smooth
 
 Array = NDArray[np.float64]
@@ -20,6 +22,8 @@ G0 = 9.80665  # m/s^2, standard gravity: 3rd CGPM 1901
 METRES_PER_DEGREE = 111_320.0  # of longitude at the equator, WGS84; only for the size of a digit
 REST_SPEED = 0.01
 """Below this the direction of the velocity means nothing, however precise the log [m/s]."""
+
+_ROUNDS = 4  # of judging the samples: each shows what a worse one hid
 
 _MAX_TRACK_STD = np.pi / np.sqrt(3)  # any direction at all: uniform over a turn
 _MAX_GAMMA_STD = np.pi / np.sqrt(12)  # uniform over +-pi/2
@@ -76,12 +80,87 @@ def reconstruct(
     keeps its last meaningful value; where the speed is, `gamma` and `bank` go to 0 and their
     1-sigma to that of an angle unknown.
 
+    Samples that the rest contradicts are not used, see `outliers`; where the positions jump for
+    good a new segment begins. `reconstruct_checked` tells what was left out.
+
     What the log reports as 1-sigma beyond the white noise seen in it is taken as an error common
     to neighbouring samples: smoothing does not lessen it, and it is added to the result's.
     """
-    samples = _merge_repeats(track)
-    time, start_ns = samples.time, samples.start_ns
-    origin = track.origin
+    return reconstruct_checked(
+        track, position_std=position_std, velocity_std=velocity_std, jerk_density=jerk_density
+    )[0]
+
+
+def reconstruct_checked(
+    track: Track,
+    *,
+    position_std: ArrayLike | None = None,
+    velocity_std: ArrayLike | None = None,
+    jerk_density: ArrayLike | None = None,
+) -> tuple[Trajectory, Rejected]:
+    """Return what `reconstruct` does, and which samples it did not use and why.
+
+    Parameters, errors and notes: see `reconstruct`.
+    """
+    given = [
+        _positive(name, value)
+        for name, value in (
+            ('position_std', position_std),
+            ('velocity_std', velocity_std),
+            ('jerk_density', jerk_density),
+        )
+    ]
+    rejected = Rejected()
+    digits = _resolution(track)
+    samples = without_obvious(merge_repeats(track), digits * np.sqrt(12), rejected)
+    plane = _in_plane(samples, track.origin)
+    noise = _noise(samples, plane, digits, given)
+    for judging in range(_ROUNDS, -1, -1):
+        white, common = _shared(samples, noise, given)
+        verdict = Verdict.clean(samples.time.size)
+        if judging:
+            verdict = judge(
+                samples.time,
+                plane.measured,
+                plane.velocity,
+                samples.segment,
+                position_std=white[0],
+                velocity_std=white[1],
+                noise=noise,
+                known=rejected,
+            )
+        if not verdict:
+            vectors, variances = _smoothed(samples, plane, white, noise)
+            if judging:
+                verdict = judge_smoothed(
+                    samples.time,
+                    plane.measured,
+                    vectors[0],
+                    variances[0],
+                    samples.segment,
+                    position_std=white[0],
+                    known=rejected,
+                )
+        if not verdict:
+            break
+        samples = without(samples, verdict, rejected)
+        plane = _in_plane(samples, track.origin)
+        if judging == _ROUNDS:
+            noise = _at_most(noise, _noise(samples, plane, digits, given))
+    variances += np.stack(common)
+    return _trajectory(samples, plane.origin, vectors, variances), rejected
+
+
+@dataclass(frozen=True)
+class _Plane:
+    """Samples in the tangent plane at the origin; `measured` is NaN where nothing was."""
+
+    origin: GeodeticPoint | None
+    measured: Array
+    velocity: Array | None
+
+
+def _in_plane(samples: Samples, origin: GeodeticPoint | None) -> _Plane:
     if samples.geodetic is not None:
         lat, lon, altitude = samples.geodetic
         origin = GeodeticPoint(float(lat[0]), float(lon[0]), float(altitude[0]))
@@ -89,47 +168,73 @@ def reconstruct(
     else:
         assert samples.position is not None
         position = samples.position
-    r_measured = _turn(position, origin)
     velocity = samples.velocity
     if velocity is not None:
-        velocity = frames.stack(frames.rotate(r_measured, _components(velocity)))
+        velocity = frames.stack(frames.rotate(_turn(position, origin), _components(velocity)))
+    return _Plane(origin, np.where(samples.usable, position, np.nan), velocity)
 
-    reported_p, reported_v = _reported(samples.position_std), _reported(samples.velocity_std)
-    noise = estimate_noise(
-        time,
-        position,
-        velocity,
+
+def _noise(samples: Samples, plane: _Plane, digits: Array, given: list[Array | None]) -> Noise:
+    return estimate_noise(
+        samples.time,
+        plane.measured,
+        plane.velocity,
         segment=samples.segment,
-        position_std=_positive('position_std', position_std),
-        velocity_std=_positive('velocity_std', velocity_std),
-        jerk_density=_positive('jerk_density', jerk_density),
-        position_std_limits=(_resolution(track), _median(reported_p)),
-        velocity_std_limits=(MIN_STD, _median(reported_v)),
+        position_std=given[0],
+        velocity_std=given[1],
+        jerk_density=given[2],
+        position_std_limits=(digits, _median(_reported(samples.position_std))),
+        velocity_std_limits=(MIN_STD, _median(_reported(samples.velocity_std))),
     )
-    white_p, common_p = _split(reported_p, noise.position_std, position_std is not None, time.size)
-    white_v, common_v = _split(reported_v, noise.velocity_std, velocity_std is not None, time.size)
 
-    vectors = np.empty((3, time.size, 3))
-    variances = np.empty((2, time.size, 3))
+
+def _at_most(before: Noise, after: Noise) -> Noise:
+    """Return the noise after outliers were taken out, no level above what it was before.
+
+    Without outliers a log is less noisy and smoother. If it seems otherwise, what was taken out
+    belonged to a motion that white jerk describes badly.
+    """
+    return Noise(
+        position_std=np.minimum(after.position_std, before.position_std),
+        velocity_std=np.minimum(after.velocity_std, before.velocity_std),
+        jerk_density=np.minimum(after.jerk_density, before.jerk_density),
+    )
+
+
+def _shared(
+    samples: Samples, noise: Noise, given: list[Array | None]
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Return the white 1-sigma and the variance of the common error of each sample."""
+    size = samples.time.size
+    reported_p, reported_v = _reported(samples.position_std), _reported(samples.velocity_std)
+    white_p, common_p = _split(reported_p, noise.position_std, given[0] is not None, size)
+    white_v, common_v = _split(reported_v, noise.velocity_std, given[1] is not None, size)
+    return (white_p, white_v), (common_p, common_v)
+
+
+def _smoothed(
+    samples: Samples, plane: _Plane, white: tuple[Array, Array], noise: Noise
+) -> tuple[Array, Array]:
+    """Return position, velocity, acceleration (3, n, 3) and the variance of the first two."""
+    size = samples.time.size
+    vectors = np.empty((3, size, 3))
+    variances = np.empty((2, size, 3))
     for piece in stretches(samples.segment):
         smoothed = smooth(
-            time[piece],
-            position[piece],
-            position_std=white_p[piece],
-            velocity=None if velocity is None else velocity[piece],
-            velocity_std=white_v[piece],
+            samples.time[piece],
+            plane.measured[piece],
+            position_std=white[0][piece],
+            velocity=None if plane.velocity is None else plane.velocity[piece],
+            velocity_std=white[1][piece],
             jerk_density=noise.jerk_density,
         )
         vectors[:, piece] = smoothed.position, smoothed.velocity, smoothed.acceleration
         variances[:, piece] = np.moveaxis(smoothed.std[:, :, :2] ** 2, 2, 0)
-    variances += np.stack((common_p, common_v))
-    return _trajectory(track, samples, start_ns, origin, vectors, variances)
+    return vectors, variances
 
 
 def _trajectory(
-    track: Track,
-    samples: '_Samples',
-    start_ns: int,
+    samples: Samples,
     origin: GeodeticPoint | None,
     vectors: Array,
     variances: Array,
@@ -170,7 +275,7 @@ def _trajectory(
         controls={'bank': angles['bank']},
         outputs=outputs,
         model=MODEL,
-        start_ns=start_ns,
+        start_ns=samples.start_ns,
         origin=origin,
         segment=samples.segment,
     )
@@ -325,73 +430,3 @@ def _step(values: Array) -> float:
     # A steady climb passes evenly spaced heights too, but with one increment only.
     increments = np.unique(np.round(np.abs(np.diff(values)) / step))
     return step if on_grid.mean() > 0.9 and increments.size >= 4 else 0.0
-
-
-@dataclass(frozen=True)
-class _Samples:
-    """A track's columns with one sample per time."""
-
-    time: Array
-    start_ns: int
-    segment: NDArray[np.int64]
-    geodetic: tuple[Array, Array, Array] | None
-    position: Array | None
-    velocity: Array | None
-    attitude: Array | None
-    position_std: Array | None
-    velocity_std: Array | None
-
-
-def _merge_repeats(track: Track) -> _Samples:
-    """Return the samples of a track, those of one segment and time averaged into one."""
-    ns = track.time_ns
-    first = np.flatnonzero(np.diff(ns, prepend=ns[0] - 1) | np.diff(track.segment, prepend=-1))
-    count = np.diff(first, append=ns.size)
-
-    def merged(values: Array | None) -> Array | None:
-        if values is None:
-            return None
-        if first.size == ns.size:
-            return np.asarray(values, dtype=float)
-        known = np.isfinite(values)
-        total = np.add.reduceat(np.where(known, values, 0.0), first, axis=0)
-        number = np.add.reduceat(known.astype(float), first, axis=0)
-        return np.asarray(np.where(number > 0, total / np.maximum(number, 1), np.nan))
-
-    geodetic = None
-    if track.lat is not None and track.lon is not None:
-        height = np.full(ns.size, np.nan) if track.altitude is None else track.altitude
-        # Unwrapped, longitudes can be averaged and interpolated across the date line.
-        lon = merged(np.unwrap(track.lon, period=360.0))
-        assert lon is not None
-        lon = np.where(np.abs(lon) > 180, (lon + 180) % 360 - 180, lon)
-        geodetic = (_filled(merged(track.lat)), lon, _filled(merged(height)))
-    attitude = track.attitude
-    if attitude is not None:
-        attitude = attitude[first + count - 1]
-        norm = np.linalg.norm(attitude, axis=1, keepdims=True)
-        usable = bool(np.isfinite(norm).all() and (norm > 0).all())
-        attitude = attitude / norm if usable else None
-    return _Samples(
-        time=(ns[first] - ns[0]) / 1e9,
-        start_ns=int(ns[0]),
-        segment=track.segment[first],
-        geodetic=geodetic,
-        position=merged(track.position_ned),
-        velocity=merged(track.velocity_ned),
-        attitude=attitude,
-        position_std=merged(track.position_std),
-        velocity_std=merged(track.velocity_std),
-    )
-
-
-def _filled(values: Array | None) -> Array:
-    """Return values with blanks interpolated over the sample number; all blank is 0."""
-    assert values is not None
-    known = np.isfinite(values)
-    if known.all():
-        return values
-    if not known.any():
-        return np.zeros_like(values)
-    index = np.arange(values.size)
-    return np.interp(index, index[known], values[known])

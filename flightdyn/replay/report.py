@@ -1,6 +1,6 @@
 """Replay of a log in one call, and what to say of it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +9,11 @@ from numpy.typing import ArrayLike
 
 from ..logs.track import Track
 from ..trajectory import Trajectory
-from .reconstruct import reconstruct
+from .outliers import Rejected
+from .reconstruct import reconstruct_checked
+
+KNOWN_SPEED = 0.2
+"""A speed of a larger relative 1-sigma is not reported as the highest: of two fixes, say."""
 
 
 @dataclass(frozen=True)
@@ -18,6 +22,7 @@ class Replay:
 
     track: Track
     trajectory: Trajectory
+    rejected: Rejected = field(default_factory=Rejected)
 
     def summary(self) -> dict[str, Any]:
         """Return figures for people and for JSON.
@@ -28,7 +33,9 @@ class Replay:
             `file source schema altitude_datum messages used dropped segments origin duration_s
             distance_m max_speed max_altitude warnings`. Segments start and end in seconds of the
             trajectory's time; distance [m] is flown within segments, not across gaps; altitude
-            [m] is above the datum, or the local origin where there is none.
+            [m] is above the datum, or the local origin where there is none. The highest speed is
+            of those known to `KNOWN_SPEED`. Of an altitude or velocity that was dropped, the rest
+            of the sample is used.
         """
         track, flown = self.track, self.trajectory
         origin = flown.origin
@@ -45,8 +52,8 @@ class Replay:
             'schema': track.schema,
             'altitude_datum': track.altitude_datum,
             'messages': track.messages,
-            'used': len(track),
-            'dropped': dict(track.dropped),
+            'used': len(track) - self.rejected.samples,
+            'dropped': dict(track.dropped) | self.rejected.counts,
             'segments': [
                 {
                     'start': float(flown.time[piece][0]),
@@ -61,7 +68,7 @@ class Replay:
             # A clock set back starts a segment anew: the last sample need not be the latest.
             'duration_s': float(np.ptp(flown.time)),
             'distance_m': distance,
-            'max_speed': float(flown['speed'].max()),
+            'max_speed': _max_speed(flown),
             'max_altitude': float(altitude.max()),
             'warnings': self._warnings(),
         }
@@ -69,7 +76,8 @@ class Replay:
     def _warnings(self) -> list[str]:
         track, flown = self.track, self.trajectory
         found = list(track.warnings)
-        repeated = len(track) - len(flown)
+        found += self.rejected.warnings(len(track))
+        repeated = len(track) - len(flown) - self.rejected.samples
         if repeated:
             found.append(f'{repeated} samples had the time of the one before and were averaged')
         lonely = sum(piece.stop - piece.start < 3 for piece in flown.segments())
@@ -84,6 +92,13 @@ class Replay:
             elif blank:
                 found.append(f'{blank} samples had no altitude: interpolated')
         return found
+
+
+def _max_speed(flown: Trajectory) -> float:
+    """Return the highest speed that is known to a fifth, else the highest of all."""
+    speed = flown['speed']
+    known = flown['speed_std'] < KNOWN_SPEED * speed if 'speed_std' in flown else speed > 0
+    return float(speed[known].max() if known.any() else speed.max())
 
 
 def replay_log(
@@ -119,7 +134,7 @@ def replay_log(
     from ..logs.any_log import read_track
 
     track = read_track(path, source=source, start=start, end=end)
-    trajectory = reconstruct(
+    trajectory, rejected = reconstruct_checked(
         track, position_std=position_std, velocity_std=velocity_std, jerk_density=jerk_density
     )
-    return Replay(track, trajectory)
+    return Replay(track, trajectory, rejected)

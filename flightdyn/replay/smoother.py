@@ -1,5 +1,6 @@
 """Rauch-Tung-Striebel smoother of one unbroken stretch of positions and velocities."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -19,8 +20,10 @@ VELOCITY_PRIOR = 1e3
 ACCELERATION_PRIOR = 30.0
 """1-sigma of an acceleration of which nothing is known [m/s^2]: about 3 g."""
 
+STATE = 9
+"""Numbers that describe one axis: mean 3, covariance 6."""
+
 _CHUNKS = (16, 256)  # samples per compiled scan: small for short segments, large for speed
-_STATE = 9  # mean 3, covariance 6
 
 
 @dataclass(frozen=True)
@@ -98,12 +101,12 @@ def smooth(
     q = np.broadcast_to(np.asarray(jerk_density, float), 3)
     if not (np.isfinite(q).all() and (q > 0).all()):
         raise InputError(f'jerk_density must be above 0, got {jerk_density!r}')
-    z_p, w_p = _measurement('position', position, position_std, t.size)
+    z_p, w_p = measurement('position', position, position_std, t.size)
     if velocity is None:
         z_v, w_v = np.zeros((t.size, 3)), np.zeros((t.size, 3))
     else:
         std = np.nan if velocity_std is None else velocity_std
-        z_v, w_v = _measurement('velocity', velocity, std, t.size)
+        z_v, w_v = measurement('velocity', velocity, std, t.size)
 
     # The position is smoothed as an offset: far from the origin its digits are needed.
     base = _first_known(z_p, w_p)
@@ -115,7 +118,7 @@ def smooth(
     return Smoothed(mean[:, :, 0] + base, mean[:, :, 1], mean[:, :, 2], cov)
 
 
-def _measurement(what: str, values: ArrayLike, std: ArrayLike, size: int) -> tuple[Array, Array]:
+def measurement(what: str, values: ArrayLike, std: ArrayLike, size: int) -> tuple[Array, Array]:
     """Return finite values and their weights 1 / variance, 0 where there is no measurement."""
     z = np.asarray(values, dtype=float)
     if z.shape != (size, 3):
@@ -139,11 +142,18 @@ def _first_known(z: Array, weight: Array) -> Array:
 
 def _filter(dt: Array, z_p: Array, w_p: Array, z_v: Array, w_v: Array, q: Array) -> Array:
     """Return mean and covariance given the past, (n, 3 axes, 9)."""
-    n = z_p.shape[0]
-    start = np.zeros((3, _STATE))
+    start = start_state(dt, z_p, w_p, z_v, w_v)
+    inputs = np.concatenate((dt[:, None], z_p[1:], w_p[1:], z_v[1:], w_v[1:]), axis=1)
+    rest = scan(_forward, start.reshape(-1), inputs, q)
+    return np.concatenate((start[None], rest.reshape(-1, 3, STATE)))
+
+
+def start_state(dt: Array, z_p: Array, w_p: Array, z_v: Array, w_v: Array) -> Array:
+    """Return mean and covariance at the first sample (3 axes, 9), as `measurement` gives it."""
+    start = np.zeros((3, STATE))
     # What the first sample measured is its state: no diffuse prior to lose digits to. A position
     # first known later than the first sample can be as far off as the velocity prior carries it.
-    span = 1.0 + (float(dt.sum()) if n > 1 else 0.0)
+    span = 1.0 + float(dt.sum())
     known_p, known_v = w_p[0] > 0, w_v[0] > 0
     start[:, 0] = z_p[0]
     start[:, 1] = z_v[0]
@@ -152,20 +162,21 @@ def _filter(dt: Array, z_p: Array, w_p: Array, z_v: Array, w_v: Array, q: Array)
     )
     start[:, 6] = np.where(known_v, 1 / np.where(known_v, w_v[0], 1.0), VELOCITY_PRIOR**2)
     start[:, 8] = ACCELERATION_PRIOR**2
-    inputs = np.concatenate((dt[:, None], z_p[1:], w_p[1:], z_v[1:], w_v[1:]), axis=1)
-    rest = _scan('forward', start.reshape(-1), inputs, q)
-    return np.concatenate((start[None], rest.reshape(-1, 3, _STATE)))
+    return start
 
 
 def _backward(dt: Array, filtered: Array, q: Array) -> Array:
     n = filtered.shape[0]
-    inputs = np.concatenate((dt[:, None], filtered[:-1].reshape(n - 1, 3 * _STATE)), axis=1)[::-1]
-    rest = _scan('backward', filtered[-1].reshape(-1), inputs, q)
-    return np.concatenate((rest.reshape(-1, 3, _STATE)[::-1], filtered[-1:]))
+    inputs = np.concatenate((dt[:, None], filtered[:-1].reshape(n - 1, 3 * STATE)), axis=1)[::-1]
+    rest = scan(_backwards, filtered[-1].reshape(-1), inputs, q)
+    return np.concatenate((rest.reshape(-1, 3, STATE)[::-1], filtered[-1:]))
 
 
-def _scan(direction: str, start: Array, inputs: Array, q: Array) -> Array:
-    """Return the state after each row of inputs, (m, 27); the last chunk is padded, then cut."""
+def scan(compiled: Callable[[int], cas.Function], start: Array, inputs: Array, q: Array) -> Array:
+    """Return the state after each row of inputs, (m, state); the last chunk is padded, then cut.
+
+    `compiled` returns the scan over so many rows, of (state, row, jerk densities).
+    """
     m, width = inputs.shape
     if m == 0:
         return np.empty((0, start.size))
@@ -177,7 +188,7 @@ def _scan(direction: str, start: Array, inputs: Array, q: Array) -> Array:
     densities = np.tile(q, (size, 1))
     states = np.empty((size, start.size))
     buffer: Any
-    buffer, evaluate = _compiled(direction, size).buffer()
+    buffer, evaluate = compiled(size).buffer()
     for i, argument in enumerate((state, rows, densities)):
         buffer.set_arg(i, argument.data)
     buffer.set_res(0, states.data)
@@ -192,29 +203,38 @@ def _scan(direction: str, start: Array, inputs: Array, q: Array) -> Array:
 
 
 @cache
+def _forward(size: int) -> cas.Function:
+    return _compiled('forward', size)
+
+
+@cache
+def _backwards(size: int) -> cas.Function:
+    return _compiled('backward', size)
+
+
 def _compiled(direction: str, size: int) -> cas.Function:
     """Return a scan over `size` samples, all three axes in one step."""
-    state = cas.SX.sym('state', 3 * _STATE)
+    state = cas.SX.sym('state', 3 * STATE)
     q = cas.SX.sym('q', 3)
-    width = 13 if direction == 'forward' else 1 + 3 * _STATE
+    width = 13 if direction == 'forward' else 1 + 3 * STATE
     row = cas.SX.sym('row', width)
     dt = row[0]
     after: list[Any] = []
     for axis in range(3):
-        mean, cov = _split(state, axis * _STATE)
+        mean, cov = split(state, axis * STATE)
         if direction == 'forward':
             mean, cov = gm.predict(mean, cov, dt, q[axis])
             mean, cov = gm.measure(mean, cov, 0, row[1 + axis], row[4 + axis])
             mean, cov = gm.measure(mean, cov, 1, row[7 + axis], row[10 + axis])
         else:
-            earlier_mean, earlier_cov = _split(row, 1 + axis * _STATE)
+            earlier_mean, earlier_cov = split(row, 1 + axis * STATE)
             mean, cov = gm.smooth(earlier_mean, earlier_cov, mean, cov, dt, q[axis])
         after += [*mean, *cov]
     step = cas.Function(f'{direction}_step', [state, row, q], [cas.vertcat(*after)], {'cse': True})
     return step.mapaccum(f'{direction}_{size}', size)
 
 
-def _split(x: Any, start: int) -> tuple[gm.Mean, gm.Covariance]:
-    """Return mean and covariance held in `_STATE` elements of a vector."""
-    p, v, a, pp, pv, pa, vv, va, aa = (x[start + i] for i in range(_STATE))
+def split(x: Any, start: int) -> tuple[gm.Mean, gm.Covariance]:
+    """Return mean and covariance held in `STATE` elements of a vector."""
+    p, v, a, pp, pv, pa, vv, va, aa = (x[start + i] for i in range(STATE))
     return (p, v, a), (pp, pv, pa, vv, va, aa)

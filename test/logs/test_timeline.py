@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.testing import assert_array_equal
 
-from flightdyn.logs.timeline import Rows, arrange, choose_clock
+from flightdyn.logs.timeline import MIN_GAP_S, Rows, arrange, choose_clock, gap_limit
 
 S = 10**9
 
@@ -74,3 +74,9 @@ def test_a_run_that_starts_at_zero_keeps_its_first_sample() -> None:
     rows = Rows(np.zeros(5, np.uint8))
     choose_clock(log.copy(), log, rows, [])
     assert rows.used.size == 5
+
+
+def test_a_gap_is_ten_usual_steps_and_ten_seconds_at_least() -> None:
+    assert gap_limit(np.full(9, 0.1)) == MIN_GAP_S
+    assert gap_limit(np.array([8.0, 8.0, 8.0, 500.0])) == 80.0
+    assert gap_limit(np.array([0.0, -3.0])) == MIN_GAP_S
