@@ -28,7 +28,7 @@ from ..environment.geodesy import GeodeticPoint, geodetic_from_ned
 from ..errors import InputError, ResultCode
 from ..logs.messages import kinematics
 from ..logs.messages import trajectory_from_message as trajectory_from_message
-from ..planning.planner import PlanReport
+from ..planning.report import PlanReport
 from ..trajectory import Columns, Trajectory
 
 Array = NDArray[np.float64]

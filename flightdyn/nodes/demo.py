@@ -17,7 +17,7 @@ from ..errors import FlightdynError
 from ..export import deviation, write_flight
 from ..logs.recorded import read_flights
 from ..planning.plan_file import plan_document
-from ..planning.planner import Plan
+from ..planning.report import Plan
 from ..replay import Replay, replay_log
 from ..resources import share_dir
 from ..trajectory import Trajectory

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..errors import FlightdynError, ResultCode
-from ..planning.planner import Plan, Planner
+from ..planning.planner import Planner
 from ..planning.problem import Problem
+from ..planning.report import Plan
 from ..planning.solver import Iteration
 
 FEEDBACK_RATE = 500.0  # Hz, above what solvers do; a reader's queue of 10 overflows beyond

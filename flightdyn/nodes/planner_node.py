@@ -21,8 +21,8 @@ from flightdyn_msgs.srv import EvaluateModel, ListProblems
 
 from ..dynamics.stage import WIND
 from ..errors import FlightdynError, ResultCode
-from ..planning.planner import Plan
 from ..planning.problem import Problem
+from ..planning.report import Plan
 from ..planning.solver import Iteration
 from ..resources import config_dirs
 from ..trajectory import Trajectory

@@ -21,8 +21,8 @@ class Objective:
     Its names are `duration` [s]; `initial.NAME` and `final.NAME`, a state, control or output at
     the ends; `integral.NAME`, its integral over time; `integral(FORMULA)` with the names alone,
     and `time` [s]; `effort`, the integral of the sum of the squared controls, each over its
-    larger limit (over 1 in SI units if it has none). `altitude` stands for -z_e. Integrals enter
-    as a sum; what they are multiplied by may depend on the duration, as in a mean value.
+    larger limit (over 1 in SI units if it has none); `PHASE.duration` in a problem of several
+    phases. `altitude` stands for -z_e.
     """
 
     expression: Expression
@@ -97,17 +97,14 @@ class Costs:
 
     Parameters
     ----------
-    ends : Function
-        (x_0, u_0, x_n, u_n, wind, T) -> what depends on the ends.
+    cost : Function
+        (z, wind) -> objective; z is (x_0, u_0, x_n, u_n, duration of each phase, integrals).
     rates : Function
         (x, u, p) -> integrands (k,); p as the stage's.
-    weights : Function
-        T -> what each integral is multiplied by (k,).
     """
 
-    ends: cas.Function
+    cost: cas.Function
     rates: cas.Function
-    weights: cas.Function
 
     @property
     def count(self) -> int:
@@ -115,22 +112,30 @@ class Costs:
         return int(self.rates.size1_out(0))
 
 
-def trace(objective: Objective, stage: Stage, effort_scales: Sequence[float]) -> Costs:
+def trace(
+    objective: Objective,
+    stage: Stage,
+    effort_scales: Sequence[float],
+    phases: Sequence[str] = ('',),
+) -> Costs:
     """Return an objective's functions.
 
     Parameters
     ----------
     effort_scales : (nu,)
         What `effort` measures each control by.
+    phases : names
+        Of the phases, in order.
 
     Raises
     ------
     InputError
-        If a name is unknown, or the formula is not linear in its integrals.
+        If a name is unknown.
     """
     nx, nu, np_ = (stage.function.size1_in(i) for i in range(3))
     ends = [cas.SX.sym(s, k) for s, k in (('x0', nx), ('u0', nu), ('xn', nx), ('un', nu))]
-    wind, duration = cas.SX.sym('wind', np_ - 1), cas.SX.sym('T')
+    wind, durations = cas.SX.sym('wind', np_ - 1), cas.SX.sym('T', len(phases))
+    duration = cas.sum1(durations)
     x, u, p = (cas.SX.sym(s, k) for s, k in (('x', nx), ('u', nu), ('p', np_)))
     along = _values(stage, x, u, p)
     scopes: dict[str, Callable[[str], cas.SX]] = {
@@ -151,6 +156,8 @@ def trace(objective: Objective, stage: Stage, effort_scales: Sequence[float]) ->
             return scopes[scope](inner)
         if dot and scope == 'integral':
             return integrated(along(inner))
+        if scope in phases and inner == 'duration':
+            return durations[phases.index(scope)]
         if name == 'duration':
             return duration
         if name == 'effort':
@@ -161,18 +168,10 @@ def trace(objective: Objective, stage: Stage, effort_scales: Sequence[float]) ->
         raise InputError(f"unknown '{name}'{suggestion(name, known)}")
 
     total = objective.expression.evaluate(named, lambda inner: integrated(inner(along)))
-    sums = _stacked(integrals)
-    weights = cas.jacobian(total, sums)
-    if integrals and cas.depends_on(weights, cas.vertcat(sums, *ends, wind)):
-        raise InputError(
-            f'{objective.expression.where}: integrals must enter as a sum, weighted by numbers '
-            f'or the duration, in {objective.expression.source!r}'
-        )
-    at_ends = cas.substitute(total, sums, cas.SX.zeros(len(rates))) if integrals else total
+    z = cas.vertcat(*ends, durations, *integrals)
     return Costs(
-        cas.Function('ends', [*ends, wind, duration], [at_ends]),
+        cas.Function('cost', [z, wind], [total], {'cse': True}),
         cas.Function('rates', [x, u, p], [_stacked(rates)], {'cse': True}),
-        cas.Function('weights', [duration], [cas.densify(weights.T)]),
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..trajectory import Trajectory
-from .planner import Plan
+from .report import Plan
 
 KEYS = (
     *('problem', 'vehicle', 'model', 'converged', 'verified', 'status', 'message', 'objective'),

@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from ..config import (
     check_keys,
@@ -19,9 +19,17 @@ from ..config import (
 from ..dynamics.stage import KINEMATICS, Model, Stage
 from ..errors import InputError
 from ..resources import find_config
-from ..trajectory import Interpolation, Trajectory
+from ..trajectory import Trajectory
 from ..vehicles.fields import IN_DEGREES, in_degrees, named_bounds
 from ..vehicles.vehicle import Vehicle, load_vehicle
+from .mesh import (
+    CONTROL_INTERPOLATIONS,
+    METHODS,
+    ControlInterpolation,
+    Method,
+    Spacing,
+    check_spacing,
+)
 from .objective import TIME, Objective, parse_objective, trace
 
 Bounds = Mapping[str, tuple[float, float]]
@@ -29,20 +37,42 @@ Bounds = Mapping[str, tuple[float, float]]
 MAX_STAGES = 16
 MAX_NODES = 5000
 UNBOUNDED = (-math.inf, math.inf)
+MAX_PHASES = 50
+CONDITIONS = ('duration', 'initial', 'final', 'path', 'guess', 'nodes')
 KEYS = (
-    *('description', 'vehicle', 'model', 'objective', 'duration'),
-    *(
-        'initial',
-        'final',
-        'path',
-        'guess',
-        'wind_ned',
-        'nodes',
-        'control_interpolation',
-        'tolerance',
-        'max_wall_time',
-    ),
+    *('description', 'vehicle', 'model', 'objective', 'phases', *CONDITIONS),
+    *('wind_ned', 'control_interpolation', 'transcription', 'spacing', 'refine', 'sharpen'),
+    *('tolerance', 'max_wall_time'),
 )
+CHOICES: Mapping[str, tuple[str, ...]] = {
+    'control_interpolation': CONTROL_INTERPOLATIONS,
+    'transcription': ('auto', *METHODS),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Phase:
+    """A part of a flight with conditions of its own.
+
+    Parameters
+    ----------
+    name : str
+    duration : lower, upper [s]
+    duration_guess : float [s]
+    initial, final, path, guess : mappings
+        As the problem's, of this phase alone and on top of them.
+    nodes : int
+        Intervals of its first mesh.
+    """
+
+    name: str = ''
+    duration: tuple[float, float]
+    duration_guess: float
+    initial: Bounds = field(default_factory=dict)
+    final: Bounds = field(default_factory=dict)
+    path: Bounds = field(default_factory=dict)
+    guess: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    nodes: int = 20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,9 +83,12 @@ class Problem:
     ----------
     objective : Objective
         Least duration unless given: `minimize('final.mass')`, `maximize('final.x_e')`.
+    phases : sequence of Phase
+        Flown in order, each from where the one before ends; none for a flight in one.
     duration : lower, upper [s]
-        The same twice fixes it.
+        Of the whole; the same twice fixes it.
     duration_guess : float [s]
+        Of a flight in one phase.
     initial, final : mapping of state, control or output name to (lower, upper)
         What is not named is free. `altitude` stands for -z_e here and below, and is kept as z_e.
     path : mapping of state, control or output name to (lower, upper)
@@ -68,8 +101,19 @@ class Problem:
         Where the air moves to.
     nodes : int
         Intervals of the first mesh.
-    control_interpolation : 'previous' or 'linear'
-        Controls are held over an interval or run linearly through it.
+        Of several phases each has its own.
+    control_interpolation : 'previous', 'linear' or 'polynomial', see `mesh.Mesh`
+        The plan's controls are straight between its samples all the same: polynomials are cut
+        into as many lines as they need.
+    transcription : 'auto' or a method, see `mesh.Mesh`
+        By itself multiple shooting for held controls, Radau collocation for linear ones.
+    spacing : 'uniform', 'cosine', or pairs, see `mesh.spaced`
+        Of the first mesh.
+    refine : bool
+        Whether the mesh is refined until the plan, flown again, is within the tolerance.
+    sharpen : bool
+        Whether switches of controls from limit to limit are moved to where they belong: the
+        arcs between are planned again with their durations free.
     tolerance : float
         Largest allowed error of the plan when flown again, as a fraction of each state's range
         (of 1, in SI units, for states that move less).
@@ -93,19 +137,26 @@ class Problem:
     guess: Mapping[str, Sequence[float]] = field(default_factory=dict)
     guess_trajectory: Trajectory | None = None
     wind_ned: Sequence[float] = (0.0, 0.0, 0.0)
+    phases: Sequence[Phase] = ()
     nodes: int = 80
-    control_interpolation: Interpolation = 'previous'
+    control_interpolation: ControlInterpolation = 'previous'
+    transcription: Method | Literal['auto'] = 'auto'
+    spacing: Spacing = 'uniform'
+    refine: bool = True
+    sharpen: bool = True
     tolerance: float = 1e-4
     max_wall_time: float = 60.0
 
     def __post_init__(self) -> None:
         for group in ('initial', 'final', 'path'):
             object.__setattr__(self, group, self._down(group, getattr(self, group)))
-        for group in ('path', 'initial', 'final'):
-            self._check_bounds(group)
-        self._check_guess()
+        object.__setattr__(self, 'guess', self._down_guess('guess', self.guess))
+        self._check_phases()
+        for where, leg in zip(self._places, self.legs, strict=True):
+            for group in ('path', 'initial', 'final'):
+                self._check_bounds(f'{where}{group}', getattr(leg, group), leg)
         if self.objective != TIME:
-            trace(self.objective, self.stage, [1.0] * len(self.stage.controls))
+            trace(self.objective, self.stage, [1.0] * len(self.stage.controls), self.phase_names)
         lower, upper = self.duration
         if not (0 < lower <= upper < math.inf):
             raise InputError(
@@ -116,10 +167,17 @@ class Problem:
             raise InputError(
                 f'{self.name}: wind_ned must be three finite numbers, got {list(self.wind_ned)}'
             )
-        if self.control_interpolation not in ('previous', 'linear'):
-            raise InputError(f'{self.name}: control_interpolation: must be previous or linear')
-        if not 2 <= self.nodes <= MAX_NODES:
-            raise InputError(f'{self.name}: nodes must be 2 to {MAX_NODES}, got {self.nodes}')
+        for key, known in CHOICES.items():
+            if getattr(self, key) not in known:
+                raise InputError(
+                    f'{self.name}: {key}: must be {" or ".join(known)}, got {getattr(self, key)!r}'
+                )
+        object.__setattr__(self, 'spacing', check_spacing(self.spacing, f'{self.name}: spacing'))
+        for key in ('refine', 'sharpen'):
+            if not isinstance(getattr(self, key), bool):
+                raise InputError(f'{self.name}: {key}: must be true or false')
+        if not 1 <= self.nodes <= MAX_NODES:
+            raise InputError(f'{self.name}: nodes must be 1 to {MAX_NODES}, got {self.nodes}')
         if not 1e-12 <= self.tolerance <= 1:
             raise InputError(f'{self.name}: tolerance must be 1e-12 to 1, got {self.tolerance:g}')
         if not 0 < self.max_wall_time < math.inf:
@@ -153,23 +211,95 @@ class Problem:
         rest = {name: value for name, value in given.items() if name != 'altitude'}
         return {**rest, 'z_e': (0.0 - upper, 0.0 - lower)}
 
-    def _check_guess(self) -> None:
-        if 'altitude' in self.guess:
-            if 'z_e' in self.guess:
-                raise InputError(
-                    f'{self.name}: guess: give altitude or z_e: the one is minus the other'
-                )
-            rest = {name: value for name, value in self.guess.items() if name != 'altitude'}
-            down = tuple(0.0 - v for v in self.guess['altitude'])
-            object.__setattr__(self, 'guess', {**rest, 'z_e': down})
-        for name, value in self.guess.items():
-            self._check_name('guess', name, (*self.model.states, *self.model.controls))
+    def _down_guess(
+        self, group: str, given: Mapping[str, Sequence[float]]
+    ) -> dict[str, Sequence[float]]:
+        """Return a guess with that of `altitude` as one of z_e."""
+        if 'altitude' in given and 'z_e' in given:
+            raise InputError(
+                f'{self.name}: {group}: give altitude or z_e: the one is minus the other'
+            )
+        guess = dict(given)
+        if 'altitude' in guess:
+            guess['z_e'] = tuple(0.0 - v for v in guess.pop('altitude'))
+        for name, value in guess.items():
+            self._check_name(group, name, (*self.model.states, *self.model.controls))
             if len(value) == 0 or not all(math.isfinite(v) for v in value):
-                raise InputError(f'{self.name}: guess.{name}: must be finite numbers, got {value}')
+                raise InputError(
+                    f'{self.name}: {group}.{name}: must be finite numbers, got {value}'
+                )
+        return guess
 
-    def _check_bounds(self, group: str) -> None:
+    def _check_phases(self) -> None:
+        names = [phase.name for phase in self.phases]
+        if len(names) > MAX_PHASES:
+            raise InputError(f'{self.name}: phases: at most {MAX_PHASES}, got {len(names)}')
+        for name in names:
+            if not name.isidentifier() or names.count(name) > 1:
+                raise InputError(
+                    f"{self.name}: phases: '{name}': each needs a name of its own, of letters, "
+                    'digits and underscores'
+                )
+        changed = []
+        for phase in self.phases:
+            lower, upper = phase.duration
+            if not 0 < lower <= upper < math.inf:
+                raise InputError(
+                    f'{self.name}: phases.{phase.name}: duration [{lower:g}, {upper:g}] s must be '
+                    'positive, finite and in order'
+                )
+            if not 1 <= phase.nodes <= MAX_NODES:
+                raise InputError(
+                    f'{self.name}: phases.{phase.name}: nodes must be 1 to {MAX_NODES}, '
+                    f'got {phase.nodes}'
+                )
+            where = f'phases.{phase.name}.'
+            bounds: dict[str, Any] = {
+                group: self._down(f'{where}{group}', getattr(phase, group))
+                for group in ('initial', 'final', 'path')
+            }
+            guess = self._down_guess(f'{where}guess', phase.guess)
+            changed.append(replace(phase, guess=guess, **bounds))
+        object.__setattr__(self, 'phases', tuple(changed))
+
+    @property
+    def phase_names(self) -> tuple[str, ...]:
+        """Names of the phases; an empty one alone for a flight in one."""
+        return tuple(phase.name for phase in self.phases) or ('',)
+
+    @property
+    def _places(self) -> list[str]:
+        return [f'phases.{name}.' if name else '' for name in self.phase_names]
+
+    @cached_property
+    def legs(self) -> tuple[Phase, ...]:
+        """The phases, each with all that holds in it; one for a flight in one."""
+        if not self.phases:
+            return (
+                Phase(
+                    duration=self.duration,
+                    duration_guess=self.duration_guess,
+                    initial=self.initial,
+                    final=self.final,
+                    path=self.path,
+                    guess=self.guess,
+                    nodes=self.nodes,
+                ),
+            )
+        last = len(self.phases) - 1
+        return tuple(
+            replace(
+                phase,
+                initial=_tightened(self.initial if i == 0 else {}, phase.initial),
+                final=_tightened(self.final if i == last else {}, phase.final),
+                path=_tightened(self.path, phase.path),
+            )
+            for i, phase in enumerate(self.phases)
+        )
+
+    def _check_bounds(self, group: str, given: Bounds, leg: Phase) -> None:
         model = self.model
-        for name, (lower, upper) in getattr(self, group).items():
+        for name, (lower, upper) in given.items():
             # what a vehicle puts out is known after tracing it, which may take a while
             if name not in (*model.states, *model.controls, *KINEMATICS):
                 self._check_name(group, name, self._quantities)
@@ -185,7 +315,7 @@ class Problem:
                     f'{name} = {singular:g}: keep away from it, if only by a little'
                 )
             for bounds, whose in (
-                (self.path.get(name, UNBOUNDED), 'the path bounds'),
+                (leg.path.get(name, UNBOUNDED), 'the path bounds'),
                 (self._own.get(name, UNBOUNDED), f'what {self.vehicle.name} can do,'),
             ):
                 if lower > bounds[1] or upper < bounds[0]:
@@ -208,17 +338,17 @@ class Problem:
                 found[name] = _common(found.get(name, UNBOUNDED), given)
         return found
 
-    @property
-    def bounded(self) -> dict[str, tuple[float, float]]:
-        """Bounds along the path of every quantity that has some, the vehicle's own included."""
-        names = {**self.path, **self._own}
+    def bounded(self, leg: int = 0) -> dict[str, tuple[float, float]]:
+        """Bounds along a phase of every quantity that has some, the vehicle's own included."""
+        path = self.legs[leg].path
+        names = {**path, **self._own}
         known = self._quantities if set(names) - set(self.model.states) else self.model.states
-        every = {name: self.limits(name) for name in names if name in known}
+        every = {name: self.limits(name, leg) for name in names if name in known}
         return {name: limits for name, limits in every.items() if limits != UNBOUNDED}
 
-    def limits(self, name: str) -> tuple[float, float]:
-        """Return the bounds of a quantity along the path, the vehicle's own included."""
-        return _common(self.path.get(name, UNBOUNDED), self._own.get(name, UNBOUNDED))
+    def limits(self, name: str, leg: int = 0) -> tuple[float, float]:
+        """Return the bounds of a quantity along a phase, the vehicle's own included."""
+        return _common(self.legs[leg].path.get(name, UNBOUNDED), self._own.get(name, UNBOUNDED))
 
     def with_changes(
         self,
@@ -236,6 +366,12 @@ class Problem:
             path={**self.path, **self._down('path', path or {})},
             **changes,
         )
+
+
+def _tightened(outer: Bounds, inner: Bounds) -> Bounds:
+    """Return bounds that keep both."""
+    both = {k: _common(outer[k], inner[k]) for k in inner if k in outer}
+    return {**outer, **inner, **both}
 
 
 def _common(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
@@ -283,50 +419,75 @@ def _apply(document: dict[str, Any], setting: str) -> None:
 
 
 def _problem(path: Path, document: dict[str, Any], config_dir: str | Path | None) -> Problem:
-    for key in ('vehicle', 'duration'):
+    phases = tuple(_phases(document.get('phases', {}), f'{path}: phases'))
+    for key in ('vehicle',) if phases else ('vehicle', 'duration'):
         if key not in document:
             raise InputError(f"{path}: '{key}' is missing")
-
-    def named(key: str) -> dict[str, Any]:
-        value = document.get(key, {})
-        if not isinstance(value, Mapping):
-            raise InputError(f'{path}: {key}: expected names and values, got {value!r}')
-        return {str(k): v for k, v in value.items()}
-
-    defaults = Problem.__dataclass_fields__
+    if phases and 'nodes' in document:
+        raise InputError(f'{path}: nodes: give each phase its own')
     wind = document.get('wind_ned', [0, 0, 0])
     if not isinstance(wind, list):
         raise InputError(f'{path}: wind_ned: expected [north, east, down], got {wind!r}')
-    lower, upper, guess = _duration(document['duration'], f'{path}: duration')
+    conditions = _conditions(document, str(path), phases)
+    defaults = Problem.__dataclass_fields__
+    chosen = {
+        key: document[key] for key in (*CHOICES, 'spacing', 'refine', 'sharpen') if key in document
+    }
+    for key in ('tolerance', 'max_wall_time'):
+        chosen[key] = number(document.get(key, defaults[key].default), f'{path}: {key}')
     return Problem(
         name=path.stem,
         vehicle=_vehicle(path, document, config_dir),
         description=text(document.get('description', ''), f'{path}: description'),
         objective=parse_objective(document.get('objective', 'time'), f'{path}: objective'),
-        duration=(lower, upper),
-        duration_guess=guess,
-        initial={
-            k: named_bounds(k, v, f'{path}: initial.{k}') for k, v in named('initial').items()
-        },
-        final={k: named_bounds(k, v, f'{path}: final.{k}') for k, v in named('final').items()},
-        path={k: named_bounds(k, v, f'{path}: path.{k}') for k, v in named('path').items()},
-        guess={k: _points(k, v, f'{path}: guess.{k}') for k, v in named('guess').items()},
+        phases=phases,
         wind_ned=tuple(number(w, f'{path}: wind_ned') for w in wind),
-        nodes=whole_number(
-            document.get('nodes', defaults['nodes'].default),
-            f'{path}: nodes',
-            lower=2,
-            upper=MAX_NODES,
-        ),
-        control_interpolation=document.get('control_interpolation', 'previous'),
-        tolerance=number(
-            document.get('tolerance', defaults['tolerance'].default), f'{path}: tolerance'
-        ),
-        max_wall_time=number(
-            document.get('max_wall_time', defaults['max_wall_time'].default),
-            f'{path}: max_wall_time',
-        ),
+        **conditions,
+        **chosen,
     )
+
+
+def _conditions(
+    document: Mapping[str, Any], where: str, phases: Sequence[Phase] = ()
+) -> dict[str, Any]:
+    """Return what a problem and a phase have in common, as arguments of either."""
+
+    def named(key: str) -> dict[str, Any]:
+        value = document.get(key, {})
+        if not isinstance(value, Mapping):
+            raise InputError(f'{where}: {key}: expected names and values, got {value!r}')
+        return {str(k): v for k, v in value.items()}
+
+    found: dict[str, Any] = {
+        group: {k: named_bounds(k, v, f'{where}: {group}.{k}') for k, v in named(group).items()}
+        for group in ('initial', 'final', 'path')
+    }
+    found['guess'] = {k: _points(k, v, f'{where}: guess.{k}') for k, v in named('guess').items()}
+    if 'nodes' in document:
+        found['nodes'] = whole_number(
+            document['nodes'], f'{where}: nodes', lower=1, upper=MAX_NODES
+        )
+    if 'duration' in document or not phases:
+        if 'duration' not in document:
+            raise InputError(f"{where}: 'duration' is missing")
+        lower, upper, guess = _duration(document['duration'], f'{where}: duration')
+    else:
+        lower, upper = (sum(phase.duration[i] for phase in phases) for i in range(2))
+        guess = sum(phase.duration_guess for phase in phases)
+    return {**found, 'duration': (lower, upper), 'duration_guess': guess}
+
+
+def _phases(value: Any, where: str) -> list[Phase]:
+    """Return phases of a mapping of names to conditions, in its order."""
+    if not isinstance(value, Mapping):
+        raise InputError(f'{where}: expected names and conditions of phases, got {value!r}')
+    return [
+        Phase(
+            name=str(name),
+            **_conditions(check_keys(given, CONDITIONS, f'{where}.{name}'), f'{where}.{name}'),
+        )
+        for name, given in value.items()
+    ]
 
 
 def _vehicle(path: Path, document: dict[str, Any], config_dir: str | Path | None) -> Vehicle:

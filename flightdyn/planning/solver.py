@@ -1,6 +1,5 @@
 """Solving a nonlinear programme with IPOPT: progress, cancelling, time limit, plain words."""
 
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,6 +24,27 @@ OPTIONS: dict[str, Any] = {
     'calc_lam_x': False,
     'no_nlp_grad': True,
 }
+STRATEGIES: dict[str, dict[str, Any]] = {
+    'monotone': {},
+    'adaptive': {'ipopt.mu_strategy': 'adaptive'},
+    'near': {
+        'ipopt.mu_init': 1e-4,
+        'ipopt.bound_mult_init_method': 'mu-based',
+        'ipopt.bound_push': 1e-5,
+        'ipopt.bound_frac': 1e-5,
+    },
+    'warm': {
+        'ipopt.warm_start_init_point': 'yes',
+        'ipopt.mu_init': 1e-4,
+        'ipopt.warm_start_bound_push': 1e-6,
+        'ipopt.warm_start_bound_frac': 1e-6,
+        'ipopt.warm_start_slack_bound_push': 1e-6,
+        'ipopt.warm_start_slack_bound_frac': 1e-6,
+        'ipopt.warm_start_mult_bound_push': 1e-6,
+    },
+}
+"""Ways of IPOPT: the barrier is lowered step by step, or as progress goes; from a solution's
+neighbourhood, multipliers included."""
 
 RESULT_CODES = {
     'Solve_Succeeded': ResultCode.SUCCESS,
@@ -54,6 +74,14 @@ class Iteration:
 
 
 @dataclass(frozen=True)
+class Multipliers:
+    """Of bounds and constraints: with them a solve near another's solution starts."""
+
+    bounds: Array
+    constraints: Array
+
+
+@dataclass(frozen=True)
 class Solution:
     """The last iterate and how the solve ended."""
 
@@ -63,23 +91,35 @@ class Solution:
     gaps: Array
     violation: float
     iterations: int
+    cost: float
+    multipliers: Multipliers
 
 
 OnIteration = Callable[[Iteration], None]
 
 
 class Solver:
-    """IPOPT on one programme; may be called from any thread, one solve at a time."""
+    """IPOPT on one programme; for one thread at a time."""
 
     def __init__(self, programme: dict[str, Any], derivatives: dict[str, Any]) -> None:
-        self._lock = threading.Lock()
         self._callback = _Callback(programme)
-        self._nlp = cas.nlpsol(
-            'plan',
-            'ipopt',
-            programme,
-            {**OPTIONS, **derivatives, 'iteration_callback': self._callback},
-        )
+        self._programme, self._derivatives = programme, derivatives
+        self._solvers: dict[str, cas.Function] = {}
+
+    def _nlp(self, strategy: str) -> cas.Function:
+        if strategy not in self._solvers:
+            self._solvers[strategy] = cas.nlpsol(
+                'plan',
+                'ipopt',
+                self._programme,
+                {
+                    **OPTIONS,
+                    **STRATEGIES[strategy],
+                    **self._derivatives,
+                    'iteration_callback': self._callback,
+                },
+            )
+        return self._solvers[strategy]
 
     def solve(
         self,
@@ -89,20 +129,38 @@ class Solver:
         parameters: Array,
         *,
         max_wall_time: float,
+        strategy: str = 'monotone',
+        multipliers: Multipliers | None = None,
         on_iteration: OnIteration | None = None,
         should_stop: Callable[[], bool] | None = None,
     ) -> Solution:
-        """Return the last iterate; a stop asked for takes effect at the next iteration."""
-        with self._lock:
-            watch = _Watch(self._nlp, lower, upper, max_wall_time, on_iteration, should_stop)
-            self._callback.watch = watch
-            try:
-                result = self._nlp(x0=guess, lbx=lower, ubx=upper, lbg=0, ubg=0, p=parameters)
-            finally:
-                self._callback.watch = None
-            stats = self._nlp.stats()
-            if watch.error is not None:
-                raise watch.error
+        """Return the last iterate; a stop asked for takes effect at the next iteration.
+
+        Parameters
+        ----------
+        strategy : str
+            One of `STRATEGIES`; `warm` needs multipliers.
+        """
+        nlp = self._nlp(strategy)
+        watch = _Watch(nlp, lower, upper, max_wall_time, on_iteration, should_stop)
+        start: dict[str, Any] = {
+            'x0': guess,
+            'lbx': lower,
+            'ubx': upper,
+            'lbg': 0,
+            'ubg': 0,
+            'p': parameters,
+        }
+        if multipliers is not None:
+            start |= {'lam_x0': multipliers.bounds, 'lam_g0': multipliers.constraints}
+        self._callback.watch = watch
+        try:
+            result = nlp(**start)
+        finally:
+            self._callback.watch = None
+        stats = nlp.stats()
+        if watch.error is not None:
+            raise watch.error
         status = str(stats['return_status'])
         code = RESULT_CODES.get(status, ResultCode.INTERNAL)
         if code == ResultCode.CANCELLED and watch.timed_out:
@@ -115,6 +173,10 @@ class Solver:
             gaps=gaps,
             violation=_violation(variables, gaps, lower, upper),
             iterations=int(stats['iter_count']),
+            cost=float(result['f']),
+            multipliers=Multipliers(
+                result['lam_x'].full().ravel(), result['lam_g'].full().ravel()
+            ),
         )
 
 
@@ -143,11 +205,12 @@ class _Watch:
         self.timed_out = False
         self.error: BaseException | None = None
 
-    def __call__(self, variables: Array, objective: float, gaps: Array) -> bool:
+    def __call__(self, x: cas.DM, objective: float, g: cas.DM) -> bool:
         """Report an iterate; return whether to stop."""
         elapsed = time.perf_counter() - self.started
         try:
             if self.on_iteration is not None:
+                variables, gaps = x.full().ravel(), g.full().ravel()
                 dual = self.nlp.stats()['iterations']['inf_du']
                 self.on_iteration(
                     Iteration(
@@ -191,6 +254,5 @@ class _Callback(cas.Callback):
     def eval(self, arg: Any) -> list[int]:
         if self.watch is None:
             return [0]
-        inputs = {cas.nlpsol_out(i): value for i, value in enumerate(arg)}
-        variables, gaps = inputs['x'].full().ravel(), inputs['g'].full().ravel()
-        return [int(self.watch(variables, float(inputs['f']), gaps))]
+        # x, f, g: what CasADi's nlpsol puts out first
+        return [int(self.watch(arg[0], float(arg[1]), arg[2]))]

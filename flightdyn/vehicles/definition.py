@@ -64,6 +64,7 @@ class Vehicle:
     propulsion: Propulsion | None = None
     controls: Bounds = field(default_factory=dict)
     limits: Bounds = field(default_factory=dict)
+    rates: Mapping[str, float] = field(default_factory=dict)
     geometry: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -12,7 +12,7 @@ from flightdyn import frames  # noqa: E402
 from flightdyn.environment.geodesy import GeodeticPoint  # noqa: E402
 from flightdyn.errors import InputError, ResultCode  # noqa: E402
 from flightdyn.nodes import convert  # noqa: E402
-from flightdyn.planning.planner import PlanReport  # noqa: E402
+from flightdyn.planning.report import PlanReport  # noqa: E402
 from flightdyn.trajectory import Trajectory  # noqa: E402
 from flightdyn_msgs.msg import NamedBounds  # noqa: E402
 

@@ -8,8 +8,9 @@ import pytest
 
 from flightdyn.errors import InputError, ResultCode
 from flightdyn.planning.objective import TIME, maximize, minimize, parse_objective, trace
-from flightdyn.planning.planner import Plan, Planner
+from flightdyn.planning.planner import Planner
 from flightdyn.planning.problem import load_problem
+from flightdyn.planning.report import Plan
 from flightdyn.vehicles.vehicle import load_vehicle
 
 # A cart on a line: a body that never turns, of 1 kg, with a rotor at its centre.
@@ -63,10 +64,18 @@ def solve(tmp_path_factory: pytest.TempPathFactory) -> Solve:
 FREE = 'duration={lower: 0.1, upper: 10, guess: 1}'
 
 
+def test_integrals_may_enter_anyhow(solve: Solve) -> None:
+    """The effort's root and its square have the effort's own optimum."""
+    root = solve('objective={minimize: sqrt(integral(push**2))}').report
+    assert root.objective == pytest.approx(np.sqrt(13.5), rel=1e-8)
+    square = solve('objective={minimize: effort**2}').report
+    assert square.objective == pytest.approx((13.5 / 20**2) ** 2, rel=1e-6)
+
+
 def test_least_effort_from_rest_to_rest_is_a_cubic(solve: Solve) -> None:
     """Of a double integrator: u = (6 d / T^2)(1 - 2 t / T), at a cost of 12 d^2 / T^3."""
     plan = solve()
-    assert plan.report.objective == pytest.approx(12 * 3**2 / 2**3, rel=1e-9)
+    assert plan.report.objective == pytest.approx(12 * 3**2 / 2**3, rel=1e-8)
     t = plan.trajectory.time / 2
     # linear controls are the optimum's own, and RK4 is exact for its cubic
     np.testing.assert_allclose(plan.trajectory['push'], 4.5 * (1 - 2 * t), atol=1e-5)
@@ -103,13 +112,17 @@ def test_speed_limit_makes_it_bang_coast_bang(solve: Solve, name: str) -> None:
     plan = solve(*held, f'path.{name}=[null, 4]')
     # 19 intervals of 0.05 s have nodes where it switches, at 0.2 s and 0.75 s
     assert plan.report.final_time == pytest.approx(3 / 4 + 4 / 20, rel=1e-6)
-    assert plan.trajectory['airspeed'][4:16] == pytest.approx([4] * 12, abs=1e-4)
+    cruise = plan.trajectory.between(0.2001, 0.7499)['airspeed']
+    assert cruise == pytest.approx(np.full(cruise.size, 4), abs=1e-4)
     assert plan.report.warnings == []
 
 
 def test_bounds_left_between_the_nodes_are_told(solve: Solve) -> None:
     """Linear controls of both signs in turn keep a speed at the nodes, not between."""
-    report = solve('objective=time', FREE, 'nodes=19', 'path.airspeed=[null, 4]').report
+    report = solve(
+        *('objective=time', FREE, 'nodes=19', 'path.airspeed=[null, 4]'),
+        'transcription=multiple_shooting',
+    ).report
     assert report.final_time < 3 / 4 + 4 / 20
     assert len(report.warnings) == 1
     assert 'between nodes' in report.warnings[0]
@@ -141,7 +154,8 @@ def test_highest_hop_burns_first_and_coasts(solve: Solve) -> None:
     )
     v = 2 / (1 / 15 + 1 / 10)
     assert plan.report.objective == pytest.approx(v**2 / 2 * (1 / 15 + 1 / 10), rel=1e-6)
-    assert plan.trajectory['push'][[0, 6, 9, 18]] == pytest.approx([50, 50, 0, 0], abs=1e-3)
+    push = plan.trajectory.sample('push', [0, 0.65, 0.95, 1.85])
+    assert push == pytest.approx([50, 50, 0, 0], abs=1e-3)
 
 
 def test_outputs_may_be_bounded_at_the_ends(solve: Solve) -> None:
@@ -252,9 +266,6 @@ def test_what_is_no_objective_is_refused(value: object, message: str) -> None:
         ('x_e', "'x_e' at which time"),
         ('altitude', "'altitude' at which time"),
         ('durations', "did you mean 'duration'"),
-        ('effort**2', 'integrals must enter as a sum'),
-        ('effort*final.x_e', 'integrals must enter as a sum'),
-        ('sqrt(integral.x_e)', 'integrals must enter as a sum'),
         ('integral(final.x_e)', "unknown 'final.x_e'"),
         ('integral(integral(x_e))', 'integral is not allowed here'),
         ('final.__class__', "unknown '__class__'"),

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from flightdyn.errors import InputError, ResultCode
-from flightdyn.planning.guess import guess_columns, guess_duration
+from flightdyn.planning.guess import guess_columns, guess_durations
 from flightdyn.planning.objective import TIME, maximize
 from flightdyn.planning.planner import Planner
 from flightdyn.planning.problem import load_problem
-from flightdyn.planning.transcription import structure
 
 FLIP = 'quadcopter_flip'
 
@@ -44,7 +43,7 @@ def test_duration_may_be_fixed() -> None:
     assert report.code == ResultCode.SUCCESS, report.message
     assert report.final_time == report.objective == 1.5
     other = problem.with_changes(duration=(2.0, 2.0))
-    assert guess_duration(other) == 2
+    assert guess_durations(other) == 2
 
 
 def test_objectives_of_files_and_of_python_are_the_same() -> None:
@@ -54,17 +53,9 @@ def test_objectives_of_files_and_of_python_are_the_same() -> None:
     assert far.objective == problem.with_changes(objective=maximize('final.x_e')).objective
 
 
-def test_only_the_names_of_bounded_outputs_are_built_in() -> None:
-    problem = load_problem(FLIP, ['path={airspeed: [0, 9], x_e: [null, 4]}', 'final.gamma=0'])
-    built = structure(problem, problem.stage)
-    assert (built.along, built.first, built.last) == (('airspeed',), (), ('gamma', 'airspeed'))
-    other = problem.with_changes(path={'airspeed': (1.0, 7.0)}, final={'gamma': (0.0, 1.0)})
-    assert structure(other, other.stage) == built
-
-
 def test_an_end_that_is_free_is_guessed_like_the_other() -> None:
     problem = load_problem(FLIP, ['initial={x_e: 3, u_b: [1, 2]}', 'final={z_e: 4}', 'guess={}'])
-    columns = guess_columns(problem, ('x_e', 'u_b', 'z_e', 'theta'), np.array([0.0, 1.0]))
+    columns = guess_columns(problem, ('x_e', 'u_b', 'z_e', 'theta'), 0, np.array([0.0, 1.0]))
     np.testing.assert_array_equal(columns, [[3, 3], [1.5, 1.5], [4, 4], [0, 0]])
 
 
@@ -80,7 +71,7 @@ def test_what_the_vehicle_stands_is_bounded_too() -> None:
     assert glide.limits('airspeed')[0] == 30
     assert glide.limits('airspeed')[1] < 77  # never exceed, and where its aerodynamics are known
     assert glide.limits('alpha') == (-5, 15)
-    assert glide.bounded['load_factor'] == (-1.76, 4.4)
+    assert glide.bounded()['load_factor'] == (-1.76, 4.4)
     with pytest.raises(InputError, match=r'path\.airspeed: .* outside what cessna152 can do'):
         load_problem('cessna152_glide', ['path.airspeed=[100, 200]'])
 

@@ -1,48 +1,12 @@
-"""Derivatives chained through RK4 against CasADi's own of the composition written out."""
+"""Compiled functions: the same numbers, kept for the next time, and no failure without."""
 
 from pathlib import Path
 
 import casadi as cas
-import numpy as np
 import pytest
 
-from flightdyn.dynamics.stage import Stage
 from flightdyn.planning import compiled as compiling
-from flightdyn.planning.chained import chain
 from flightdyn.planning.compiled import compiled
-from flightdyn.simulation.integrator import rk4_step
-from flightdyn.vehicles.vehicle import load_vehicle
-
-
-def written_out(stage: Stage, intervals: int, substeps: int) -> cas.Function:
-    nx, nu = len(stage.states), len(stage.controls)
-    zeta, wind = cas.SX.sym('zeta', nx + 2 * nu + 1), cas.SX.sym('wind', 3)
-    number, lam = cas.SX.sym('number'), cas.SX.sym('lam', nx)
-    x, u0, u1, duration = cas.vertsplit(zeta, [0, nx, nx + nu, nx + 2 * nu, zeta.size1()])
-    length = duration / intervals
-    end = rk4_step(stage, substeps)(x, u0, u1, cas.vertcat(wind, number * length), length)
-    hessian = cas.hessian(cas.dot(lam, end), zeta)[0]
-    return cas.Function(
-        'written_out', [zeta, wind, number, lam], [end, cas.jacobian(end, zeta), hessian]
-    )
-
-
-@pytest.mark.parametrize('substeps', [1, 3])
-@pytest.mark.parametrize('vehicle', ['quadcopter', 'rocket'])
-def test_the_chain_is_the_composition(vehicle: str, substeps: int) -> None:
-    stage = load_vehicle(vehicle).model().stage()
-    chained, expected = chain(stage, 7, substeps), written_out(stage, 7, substeps)
-    rng = np.random.default_rng(2)
-    for number in (0, 3):
-        given = [rng.uniform(0.5, 1.5, chained.value.size1_in(0)), rng.normal(size=3), number]
-        lam = rng.normal(size=len(stage.states))
-        end, jacobian, hessian = (part.full() for part in expected(*given, lam))
-        np.testing.assert_allclose(chained.value(*given).full(), end, rtol=1e-13)
-        for found in (chained.tangent(*given), chained.curvature(*given, lam)):
-            np.testing.assert_allclose(found[0].full(), end, rtol=1e-13)
-            np.testing.assert_allclose(found[1].full(), jacobian, rtol=1e-11, atol=1e-12)
-        bend = chained.curvature(*given, lam)[2].full()
-        np.testing.assert_allclose(bend, hessian, rtol=1e-10, atol=1e-11)
 
 
 @pytest.fixture

@@ -1,0 +1,150 @@
+"""The numbers of a problem on a layout: bounds, scales and guess of every variable."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .guess import guess_columns, guess_durations
+from .layout import Layout, Structure
+from .mesh import Mesh
+from .problem import UNBOUNDED, Bounds, Problem
+
+Array = NDArray[np.float64]
+
+
+def structure(problem: Problem, mesh: Mesh) -> Structure:
+    """Return what of a problem its programme is built from."""
+    stage, legs = problem.stage, problem.legs
+    along, ends = [], []
+    for i, leg in enumerate(legs):
+        bounded = problem.bounded(i)
+        names = tuple(name for name in stage.outputs if name in bounded)
+        along.append(names)
+        ends.append(
+            tuple(
+                tuple(name for name in stage.outputs if name in given and name not in names)
+                for given in (leg.initial, leg.final)
+            )
+        )
+    weighs = problem.objective.weighs_effort
+    limits = [problem.limits(name) if weighs else () for name in stage.controls]
+    return Structure(
+        mesh=mesh,
+        objective=problem.objective,
+        effort_scales=tuple(_size(each) for each in limits),
+        phases=problem.phase_names,
+        along=tuple(along),
+        ends=tuple(ends),  # type: ignore[arg-type]
+        rated=tuple(name for name in stage.controls if name in problem.vehicle.rates),
+    )
+
+
+def bounds(problem: Problem, layout: Layout) -> tuple[Array, Array]:
+    """Return lower and upper bounds of the variables, in SI units."""
+    mesh, legs = layout.mesh, problem.legs
+    limits = np.empty((layout.size, 2))
+    limits[:] = UNBOUNDED
+
+    def keep(variables: NDArray[np.int64], given: tuple[float, float]) -> None:
+        limits[variables, 0] = np.maximum(limits[variables, 0], given[0])
+        limits[variables, 1] = np.minimum(limits[variables, 1], given[1])
+
+    for i, leg in enumerate(legs):
+        first, last = int(mesh.edges[i]), int(mesh.edges[i + 1])
+        along = problem.bounded(i)
+        for row, name in enumerate(layout.state_names):
+            keep(layout.nodes[row, first : last + 1], along.get(name, UNBOUNDED))
+            keep(layout.inside[row, :, first:last].ravel(), along.get(name, UNBOUNDED))
+            keep(layout.nodes[row, first], leg.initial.get(name, UNBOUNDED))
+            keep(layout.nodes[row, last], leg.final.get(name, UNBOUNDED))
+        for row, name in enumerate(layout.control_names):
+            steering = layout.steering[row, :, first:last]
+            # where it only follows the first points, `samples.path` keeps it within its limits
+            tied = mesh.method == 'radau' and mesh.curved and name not in leg.initial
+            keep(steering.ravel(order='F')[int(tied) :], along.get(name, UNBOUNDED))
+            keep(steering[0, 0], leg.initial.get(name, UNBOUNDED))
+            keep(steering[-1, -1], leg.final.get(name, UNBOUNDED))
+        keep(layout.durations[i], leg.duration)
+    if len(legs) > 1:
+        keep(np.array(layout.total), problem.duration)
+    for variable, each in zip(layout.outputs, layout.bounded, strict=True):
+        keep(variable, problem.limits(each.name, each.phase))
+        first, last = int(mesh.edges[each.phase]), int(mesh.edges[each.phase + 1]) - 1
+        leg = legs[each.phase]
+        if (each.interval, each.position) == (first, 0.0):
+            keep(variable, leg.initial.get(each.name, UNBOUNDED))
+        if (each.interval, each.position) == (last, 1.0):
+            keep(variable, leg.final.get(each.name, UNBOUNDED))
+    for row, name in enumerate(layout.structure.rated):
+        keep(layout.rates[row], (-problem.vehicle.rates[name], problem.vehicle.rates[name]))
+    return limits[:, 0], limits[:, 1]
+
+
+def guess(problem: Problem, layout: Layout) -> Array:
+    """Return the problem's guess of the variables, in SI units; outputs and integrals are 0."""
+    mesh = layout.mesh
+    values = np.zeros(layout.size)
+    for i in range(len(problem.legs)):
+        first, last = int(mesh.edges[i]), int(mesh.edges[i + 1])
+        cuts = np.array(mesh.cuts[i])
+        values[layout.nodes[:, first : last + 1]] = guess_columns(
+            problem, layout.state_names, i, cuts
+        )
+        inner = cuts[:-1] + mesh.points[:-1, None] * np.diff(cuts)
+        columns = guess_columns(problem, layout.state_names, i, inner.ravel())
+        values[layout.inside[:, :, first:last]] = columns.reshape(
+            len(layout.state_names), *inner.shape
+        )
+        for at, position in enumerate(mesh.control_positions):
+            positions = cuts[:-1] + position * np.diff(cuts)
+            values[layout.steering[:, at, first:last]] = guess_columns(
+                problem, layout.control_names, i, positions
+            )
+    durations = guess_durations(problem)
+    values[layout.durations] = durations
+    values[layout.total] = durations.sum()
+    return values
+
+
+def scales(problem: Problem, layout: Layout) -> Array:
+    """Return the expected magnitude of each variable, the same for each value of a quantity."""
+    legs = problem.legs
+    fractions = np.linspace(0, 1, 11)
+    sizes: dict[str, float] = {}
+    for name in (*layout.state_names, *layout.control_names):
+        known = [
+            *_numbers(name, (leg.initial for leg in legs)),
+            *_numbers(name, (leg.final for leg in legs)),
+        ]
+        for i in range(len(legs)):
+            known += [*problem.limits(name, i)]
+            known += guess_columns(problem, (name,), i, fractions).ravel().tolist()
+        sizes[name] = _size(known)
+    for each in layout.bounded:
+        leg = legs[each.phase]
+        sizes.setdefault(
+            each.name,
+            _size(
+                [
+                    *_numbers(each.name, (leg.initial, leg.final)),
+                    *problem.limits(each.name, each.phase),
+                ]
+            ),
+        )
+    scale = np.array([sizes.get(kind, 1.0) for kind in layout.kinds])
+    durations = guess_durations(problem)
+    for row, name in enumerate(layout.structure.rated):
+        scale[layout.rates[row]] = problem.vehicle.rates[name]
+    scale[layout.durations] = durations
+    scale[layout.total] = durations.sum()
+    return scale
+
+
+def _numbers(name: str, groups: Iterable[Bounds]) -> list[float]:
+    return [value for group in groups for value in group.get(name, ())]
+
+
+def _size(known: Iterable[float]) -> float:
+    """Return the largest magnitude of what is known of a quantity; 1 if nothing is."""
+    return max((abs(v) for v in known if np.isfinite(v) and v != 0), default=1.0)
