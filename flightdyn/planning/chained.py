@@ -12,6 +12,7 @@ import casadi as cas
 
 from ..dynamics.stage import Stage
 from .compiled import compiled
+from .increments import increments
 
 WEIGHTS = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
 AHEAD = (0.0, 0.5, 0.5, 1.0)  # of a step: where the stages of RK4 stand, and how far they reach
@@ -43,7 +44,7 @@ def chain(stage: Stage, intervals: int, substeps: int) -> Chain:
     Controls run linearly from u0 to u1; wind is (3,); the number counts intervals from 0.
     """
     nx, nu = len(stage.states), len(stage.controls)
-    increment, slope, bend = compiled(_increments(stage))
+    increment, slope, bend = compiled(increments(stage))
     nzeta = nx + 2 * nu + 1
     zeta, wind = cas.MX.sym('zeta', nzeta), cas.MX.sym('wind', 3)
     number, lam = cas.MX.sym('number'), cas.MX.sym('lam', nx)
@@ -105,23 +106,3 @@ def chain(stage: Stage, intervals: int, substeps: int) -> Chain:
 
 def _weighted(ks: list[Any]) -> Any:
     return sum(weight * k for weight, k in zip(WEIGHTS, ks, strict=True))
-
-
-def _increments(stage: Stage) -> list[cas.Function]:
-    """Return (w, wind) -> h f, the same with its Jacobian, and (w, wind, mu) -> its Hessian.
-
-    w is (x, u, time, h). With the step's length among the arguments, everything between two
-    stages of RK4 is linear.
-    """
-    nx, nu = len(stage.states), len(stage.controls)
-    w, wind, mu = cas.SX.sym('w', nx + nu + 2), cas.SX.sym('wind', 3), cas.SX.sym('mu', nx)
-    x, u, time, h = cas.vertsplit(w, [0, nx, nx + nu, nx + nu + 1, nx + nu + 2])
-    k = h * stage.function(x, u, cas.vertcat(wind, time))[0]
-    options = {'cse': True}
-    return [
-        cas.Function('increment', [w, wind], [k], options),
-        cas.Function('increment_slope', [w, wind], [k, cas.jacobian(k, w)], options),
-        cas.Function(
-            'increment_bend', [w, wind, mu], [cas.hessian(cas.dot(mu, k), w)[0]], options
-        ),
-    ]
