@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import casadi as cas
 
-from ..dynamics.stage import Stage
+from ..dynamics.opaque import differentiated
+from ..dynamics.stage import Outline, Stage
 
 Three = tuple[cas.Function, cas.Function, cas.Function]
 
@@ -25,9 +26,9 @@ def increments(stage: Stage) -> Three:
         Hessian (nw, nw) of the product of multipliers mu (nx,) and the increment: both triangles,
         without the entries that are always 0.
     """
-    x, u, p = _symbols(stage)
-    h = cas.SX.sym('h')
-    return _three('increment', h * stage.function(x, u, p)[0], cas.vertcat(x, u, p[3], h), p[:3])
+    outline, h = stage.outline, cas.SX.sym('h')
+    w = cas.vertcat(outline.x, outline.u, outline.p[3], h)
+    return _three('increment', h * outline.dx, w, outline)
 
 
 def outputs(stage: Stage, names: Sequence[str]) -> Three:
@@ -44,23 +45,17 @@ def outputs(stage: Stage, names: Sequence[str]) -> Three:
         w is (x, u, time).
     output_bend : Function of (w, wind, mu (n,))
     """
-    x, u, p = _symbols(stage)
+    outline = stage.outline
     rows = [stage.outputs.index(name) for name in names]
-    return _three('output', stage.function(x, u, p)[1][rows], cas.vertcat(x, u, p[3]), p[:3])
+    w = cas.vertcat(outline.x, outline.u, outline.p[3])
+    return _three('output', outline.outputs[rows], w, outline)
 
 
-def _symbols(stage: Stage) -> tuple[cas.SX, cas.SX, cas.SX]:
-    x, u, p = (cas.SX.sym('xup'[i], stage.function.size1_in(i)) for i in range(3))
-    return x, u, p
-
-
-def _three(name: str, value: cas.SX, w: cas.SX, wind: cas.SX) -> Three:
-    mu = cas.SX.sym('mu', value.size1())
-    slope = cas.jacobian(value, w)
-    bend = cas.hessian(cas.dot(mu, value), w)[0]
-    options = {'cse': True}
+def _three(name: str, expression: cas.SX, w: cas.SX, outline: Outline) -> Three:
+    wind, mu = outline.p[:3], cas.SX.sym('mu', expression.size1())
+    value, slope, bend = differentiated(cas.densify(expression), w, mu, outline.calls)
     return (
-        cas.Function(name, [w, wind], [value], options),
-        cas.Function(f'{name}_slope', [w, wind], [value, slope], options),
-        cas.Function(f'{name}_bend', [w, wind, mu], [bend], options),
+        cas.Function(name, [w, wind], [value]),
+        cas.Function(f'{name}_slope', [w, wind], [value, slope]),
+        cas.Function(f'{name}_bend', [w, wind, mu], [bend]),
     )

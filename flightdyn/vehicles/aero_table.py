@@ -15,7 +15,7 @@ from ..numpy import Vectorizable
 from ..tables import Table, read_table
 from .aerodynamics import COEFFICIENTS, SHARED_KEYS, Coefficients, Values, read_shared
 from .fields import Context, Fields
-from .surrogate import Axis, Surrogate, basis_functions
+from .surrogate import Axis, Surrogate, evaluated
 
 Array = NDArray[_np.float64]
 
@@ -76,8 +76,8 @@ class TableAerodynamics(Coefficients):
 
     def coefficients(self, dyn: Dynamics, controls: Values) -> dict[str, Vectorizable]:
         """Return the coefficients of the table's columns."""
-        functions = basis_functions(self.axes, self._inputs(dyn, controls))
-        return {name: fit.of(functions) for name, fit in self.fits.items()}
+        found = evaluated(list(self.fits.values()), self._inputs(dyn, controls))
+        return dict(zip(self.fits, found, strict=True))
 
     def _inputs(self, dyn: Dynamics, controls: Values) -> dict[str, Vectorizable]:
         air = dyn.op_point
