@@ -29,7 +29,7 @@ class Opaque(Protocol):
         """Return all partial derivatives up to an order, 0 the values, each of every value."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Call:
     """A call of an opaque function while a stage was traced.
 

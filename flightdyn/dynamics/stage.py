@@ -52,6 +52,7 @@ class Model:
     attach : function of (dynamics, controls and extra states by name)
         Adds forces and moments to the instance, whose `time` and wind it may use. Returns the
         rates of the extra states by name, and by other names what else the stage shall put out.
+        Not to differentiate in: there symbols stand for the values of tables.
     extra_states : names
         States beside the class's, such as the mass of fuel or the charge of a battery.
     wind : callable (x_e, y_e, z_e, time) -> (x, y, z), optional
