@@ -107,6 +107,12 @@ def differentiated(
     -------
     (n, 1), (n, nw), (nw, nw)
         The Hessian has both triangles.
+
+    Notes
+    -----
+    With v = (w, c) and c = S(q(v)) the values of a call, V = dv/dw and Q = dq/dw, the Hessian is
+    V' (d2L/dv2) V + Q' (sum of l S'') Q. L is the product with mu plus that of q with what it is
+    worth, S'^T l, and l = dL/dc; both are constant in the derivatives.
     """
     calls = _needed(value, calls)
     inputs = [call.inputs for call in calls]
@@ -129,7 +135,7 @@ def differentiated(
         through.append(cas.mtimes(jacobian, inward[-1]))
     slope = by_w(value)
 
-    # the product with mu; calls' inputs count in it by what they change: their pull
+    # L: calls' inputs count in it by what they change through their values, their pull
     pulls = [cas.SX.sym('pull', expression.size1()) for expression in inputs]
     product = cas.dot(mu, value)
     for pull, expression in zip(pulls, inputs, strict=True):
