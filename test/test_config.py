@@ -46,6 +46,12 @@ def test_broken_yaml_says_where(tmp_path: Path) -> None:
         config.load_yaml(path)
 
 
+def test_a_document_read_twice_is_two() -> None:
+    first = config.parse_yaml('a: {b: [1]}', 'here')
+    first['a']['b'].append(2)
+    assert config.parse_yaml('a: {b: [1]}', 'here') == {'a': {'b': [1]}}
+
+
 def test_yaml_cannot_run_code(tmp_path: Path) -> None:
     path = tmp_path / 'evil.yaml'
     path.write_text('a: !!python/object/apply:os.getcwd []\n')

@@ -1,7 +1,7 @@
 """The stage function: a model's physics traced once, for planning, simulation and replay alike."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as cas
 import numpy as _np
@@ -16,6 +16,7 @@ from ..frames import Rotation, euler_from_rotation, transpose
 from ..numpy import Vectorizable
 from .base import Dynamics
 from .mass_properties import MassProperties
+from .opaque import Call, recorded, written_out
 
 Array = NDArray[_np.float64]
 
@@ -51,6 +52,7 @@ class Model:
     attach : function of (dynamics, controls and extra states by name)
         Adds forces and moments to the instance, whose `time` and wind it may use. Returns the
         rates of the extra states by name, and by other names what else the stage shall put out.
+        Not to differentiate in: there symbols stand for the values of tables.
     extra_states : names
         States beside the class's, such as the mass of fuel or the charge of a battery.
     wind : callable (x_e, y_e, z_e, time) -> (x, y, z), optional
@@ -88,29 +90,54 @@ class Model:
             **x,
             **{name: value for name, value in u.items() if name in steered},
         )
-        attached = self.attach(dyn, u | extra) or {}
-        x |= extra
-        derivatives = dyn.state_derivatives() | {name: attached[name] for name in extra}
-        every = _kinematics(dyn) | {k: v for k, v in attached.items() if k not in extra}
+        with recorded() as calls:
+            attached = self.attach(dyn, u | extra) or {}
+            x |= extra
+            derivatives = dyn.state_derivatives() | {name: attached[name] for name in extra}
+            every = _kinematics(dyn) | {k: v for k, v in attached.items() if k not in extra}
         outputs = {k: v for k, v in every.items() if k not in x and k not in u}
-        function = cas.Function(
-            'stage',
-            [cas.vertcat(*x.values()), cas.vertcat(*u.values()), cas.vertcat(*p.values())],
-            [
-                cas.vertcat(*(derivatives[name] for name in x)),
-                cas.vertcat(*outputs.values()),
-            ],
-            ['x', 'u', 'p'],
-            ['dx', 'outputs'],
-            {'cse': True},
+        traced = Outline(
+            cas.vertcat(*x.values()),
+            cas.vertcat(*u.values()),
+            cas.vertcat(*p.values()),
+            cas.vertcat(*(derivatives[name] for name in x)),
+            cas.vertcat(*outputs.values()),
+            tuple(calls),
         )
         return Stage(
             tuple(x),
             tuple(u),
             tuple(outputs),
-            function,
+            cas.Function(
+                'stage',
+                [traced.x, traced.u, traced.p],
+                written_out([traced.dx, traced.outputs], calls),
+                ['x', 'u', 'p'],
+                ['dx', 'outputs'],
+            ),
             tuple(float(getattr(self.dynamics, name, 0.0)) for name in x),
+            traced,
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """A stage as expressions, with symbols for the values of opaque functions.
+
+    Parameters
+    ----------
+    x, u, p : symbols (n, 1)
+    dx, outputs : expressions (n, 1)
+    calls : sequence of Call
+        Of opaque functions, in the order they were made in.
+    """
+
+    x: cas.SX
+    u: cas.SX
+    p: cas.SX
+    dx: cas.SX
+    outputs: cas.SX
+    calls: tuple[Call, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -118,7 +145,7 @@ class Stage:
     """A traced model: f(x, u, p) -> dx/dt, outputs, and the names of their rows.
 
     `rest` is the state of what nothing else is said: 0, but for an attitude quaternion of
-    length 1.
+    length 1. `traced` is for derivatives, see `outline`.
     """
 
     states: tuple[str, ...]
@@ -126,6 +153,15 @@ class Stage:
     outputs: tuple[str, ...]
     function: cas.Function
     rest: tuple[float, ...]
+    traced: Outline | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def outline(self) -> Outline:
+        """Expressions to differentiate, around the opaque functions where they are known."""
+        if self.traced is not None:
+            return self.traced
+        x, u, p = (cas.SX.sym('xup'[i], self.function.size1_in(i)) for i in range(3))
+        return Outline(x, u, p, *self.function(x, u, p))
 
     def right_hand_side(
         self,

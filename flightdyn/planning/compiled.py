@@ -4,15 +4,16 @@ import hashlib
 import os
 import shutil
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import casadi as cas
 
-from ..files import cache_folder, written_whole
+from ..files import cache_folder
 
 COMPILERS = ('cc', 'gcc', 'clang')
-FLAGS = ('-O1', '-fPIC', '-shared')
+FLAGS = ('-Og', '-fPIC', '-shared')  # further optimisation takes longer and gains nothing
 WORTHWHILE = 4000  # operations in all; below, CasADi's own interpreter is done sooner
 TIMEOUT = 120.0  # s
 
@@ -20,9 +21,10 @@ TIMEOUT = 120.0  # s
 def compiled(functions: Sequence[cas.Function]) -> list[cas.Function]:
     """Return the functions compiled, or as they are where that does not pay or cannot be done.
 
-    The machine code is kept in the user's cache folder under a hash of its source, compiler and
-    flags, so that it is compiled once and never outdated. Without a compiler, or with a cache
-    folder that cannot be written, functions stay as they are: they give the same numbers, slower.
+    The machine code of each is kept in the user's cache folder under a hash of the function,
+    CasADi's version, compiler and flags, so that it is compiled once and never outdated. Without a
+    compiler, or with a cache folder that cannot be written, functions stay as they are: they give
+    the same numbers, slower.
 
     Parameters
     ----------
@@ -33,33 +35,50 @@ def compiled(functions: Sequence[cas.Function]) -> list[cas.Function]:
     compiler = next((path for path in map(shutil.which, COMPILERS) if path), None)
     if compiler is None or sum(f.n_instructions() for f in functions) < WORTHWHILE:
         return list(functions)
-    generator = cas.CodeGenerator('stage')
-    for function in functions:
-        generator.add(function)
-    source = generator.dump()
+    libraries = {_library(function, compiler): function for function in functions}
     try:
-        library = _library(source, compiler)
+        _compile({path: f for path, f in libraries.items() if not path.is_file()}, compiler)
     except (OSError, subprocess.SubprocessError):
         return list(functions)
-    return [cas.external(function.name(), str(library)) for function in functions]
+    return [cas.external(function.name(), str(path)) for path, function in libraries.items()]
 
 
-def _library(source: str, compiler: str) -> Path:
-    """Return the shared library of a C source, compiled unless it is there already."""
-    what = '\n'.join((str(Path(compiler).resolve()), *FLAGS, source))
-    key = hashlib.sha256(what.encode()).hexdigest()[:32]
-    library = cache_folder() / 'compiled' / f'{key}.so'
-    if not library.is_file():
-        # what is loaded from here runs: nobody else may put files there
-        library.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if library.parent.stat().st_uid != os.getuid():
-            raise PermissionError(f'{library.parent} belongs to another user')
-        with written_whole(library) as temporary:
-            subprocess.run(
-                [compiler, *FLAGS, '-x', 'c', '-', '-o', str(temporary), '-lm'],
-                input=source.encode(),
-                check=True,
-                capture_output=True,
-                timeout=TIMEOUT,
-            )
-    return library
+def _library(function: cas.Function, compiler: str) -> Path:
+    """Return where the shared library of a function is kept."""
+    what = '\n'.join((cas.CasadiMeta.version(), str(Path(compiler).resolve()), *FLAGS))
+    # quicker than the C source, and as exact
+    key = hashlib.sha256(f'{what}\n{function.serialize()}'.encode()).hexdigest()[:32]
+    return cache_folder() / 'compiled' / f'{key}.so'
+
+
+def _compile(libraries: Mapping[Path, cas.Function], compiler: str) -> None:
+    """Compile functions, all at once."""
+    if not libraries:
+        return
+    folder = next(iter(libraries)).parent
+    # what is loaded from here runs: nobody else may put files there
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if folder.stat().st_uid != os.getuid():
+        raise PermissionError(f'{folder} belongs to another user')
+    runs: dict[Path, subprocess.Popen[bytes]] = {}
+    with TemporaryDirectory(dir=folder) as scratch:
+        try:
+            for path, function in libraries.items():
+                generator = cas.CodeGenerator('stage')
+                generator.add(function)
+                source = Path(scratch, f'{path.stem}.c')
+                source.write_text(generator.dump())
+                runs[path] = subprocess.Popen(
+                    [compiler, *FLAGS, source.name, '-o', path.name, '-lm'],
+                    cwd=scratch,
+                    stdout=subprocess.DEVNULL,
+                    stderr=subprocess.DEVNULL,
+                )
+            for path, run in runs.items():
+                if run.wait(TIMEOUT):
+                    raise subprocess.CalledProcessError(run.returncode, compiler)
+                os.replace(Path(scratch, path.name), path)
+        finally:
+            for run in runs.values():
+                run.kill()
+                run.wait()

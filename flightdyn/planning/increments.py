@@ -1,46 +1,67 @@
-"""h f(x, u, t) of a stage, and outputs, with their first and second derivatives."""
+"""Derivatives of the stage function, as solvers take them."""
+
+from collections.abc import Sequence
 
 import casadi as cas
 
-from ..dynamics.stage import Stage
+from ..dynamics.opaque import differentiated
+from ..dynamics.stage import Outline, Stage
+
+Three = tuple[cas.Function, cas.Function, cas.Function]
 
 
-def increments(stage: Stage) -> tuple[cas.Function, cas.Function, cas.Function]:
-    """Return (w, wind) -> h f, the same with its Jacobian, and (w, wind, mu) -> its Hessian.
+def increments(stage: Stage, names: Sequence[str] = ()) -> Three:
+    """Return what a step of length h adds to the state, and its derivatives.
 
-    w is (x, u, time, h). With the step's length among the arguments, everything between two
-    stages of RK4 is linear.
+    With the step's length among the arguments, everything between two stages of a Runge-Kutta
+    method is linear.
+
+    Parameters
+    ----------
+    names : (n,)
+        Outputs of the stage that are wanted besides, below the state's increment.
+
+    Returns
+    -------
+    increment : Function of (w, wind)
+        w is (x, u, time, h), wind (3,); gives h dx/dt (nx,).
+    increment_slope : Function of (w, wind)
+        The same, and its Jacobian (nx, nw).
+    increment_bend : Function of (w, wind, mu)
+        Hessian (nw, nw) of the product of multipliers mu (nx,) and the increment: both triangles,
+        without the entries that are always 0.
     """
-    nx, nu = len(stage.states), len(stage.controls)
-    w, wind, mu = cas.SX.sym('w', nx + nu + 2), cas.SX.sym('wind', 3), cas.SX.sym('mu', nx)
-    x, u, time, h = cas.vertsplit(w, [0, nx, nx + nu, nx + nu + 1, nx + nu + 2])
-    k = h * stage.function(x, u, cas.vertcat(wind, time))[0]
-    options = {'cse': True}
-    return (
-        cas.Function('increment', [w, wind], [k], options),
-        cas.Function('increment_slope', [w, wind], [k, cas.jacobian(k, w)], options),
-        cas.Function(
-            'increment_bend', [w, wind, mu], [cas.hessian(cas.dot(mu, k), w)[0]], options
-        ),
-    )
+    outline, h = stage.outline, cas.SX.sym('h')
+    w = cas.vertcat(outline.x, outline.u, outline.p[3], h)
+    rows = [stage.outputs.index(name) for name in names]
+    return _three('increment', cas.vertcat(h * outline.dx, outline.outputs[rows]), w, outline)
 
 
-def outputs(
-    stage: Stage, names: tuple[str, ...]
-) -> tuple[cas.Function, cas.Function, cas.Function]:
-    """Return (w, wind) -> outputs, the same with its Jacobian, and (w, wind, mu) -> its Hessian.
+def outputs(stage: Stage, names: Sequence[str]) -> Three:
+    """Return outputs of the stage and their derivatives, as `increments` does.
 
-    w is (x, u, time).
+    Parameters
+    ----------
+    names : (n,)
+        Some of `stage.outputs`.
+
+    Returns
+    -------
+    output, output_slope : Functions of (w, wind)
+        w is (x, u, time).
+    output_bend : Function of (w, wind, mu (n,))
     """
-    nx, nu = len(stage.states), len(stage.controls)
-    w, wind = cas.SX.sym('w', nx + nu + 1), cas.SX.sym('wind', 3)
-    mu = cas.SX.sym('mu', len(names))
-    x, u, time = cas.vertsplit(w, [0, nx, nx + nu, nx + nu + 1])
-    y = stage.function(x, u, cas.vertcat(wind, time))[1]
-    y = cas.densify(y[[stage.outputs.index(name) for name in names]])
-    options = {'cse': True}
+    outline = stage.outline
+    rows = [stage.outputs.index(name) for name in names]
+    w = cas.vertcat(outline.x, outline.u, outline.p[3])
+    return _three('output', outline.outputs[rows], w, outline)
+
+
+def _three(name: str, expression: cas.SX, w: cas.SX, outline: Outline) -> Three:
+    wind, mu = outline.p[:3], cas.SX.sym('mu', expression.size1())
+    value, slope, bend = differentiated(cas.densify(expression), w, mu, outline.calls)
     return (
-        cas.Function('output', [w, wind], [y], options),
-        cas.Function('output_slope', [w, wind], [y, cas.jacobian(y, w)], options),
-        cas.Function('output_bend', [w, wind, mu], [cas.hessian(cas.dot(mu, y), w)[0]], options),
+        cas.Function(name, [w, wind], [value]),
+        cas.Function(f'{name}_slope', [w, wind], [value, slope]),
+        cas.Function(f'{name}_bend', [w, wind, mu], [bend]),
     )

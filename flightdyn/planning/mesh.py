@@ -243,7 +243,8 @@ def spaced(intervals: int, spacing: Spacing) -> Array:
         return nodes
     ends, weights = np.array([(0.0, 0.0), *spacing], float).T
     shares = np.cumsum(weights)
-    return np.interp(nodes, shares / shares[-1], ends)
+    graded: Array = np.interp(nodes, shares / shares[-1], ends)
+    return graded
 
 
 def check_spacing(value: Any, where: str) -> Spacing:

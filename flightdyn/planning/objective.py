@@ -7,7 +7,7 @@ from typing import Any
 import casadi as cas
 
 from ..config import check_keys, number, suggestion
-from ..dynamics.stage import Stage
+from ..dynamics.stage import Outline, Stage
 from ..errors import InputError
 from .expression import Expression
 
@@ -177,9 +177,9 @@ def trace(
 
 def with_integrals(stage: Stage, rates: cas.Function) -> Stage:
     """Return the stage with integrals of functions of it as further states."""
-    nx, nu, np_ = (stage.function.size1_in(i) for i in range(3))
-    count = rates.size1_out(0)
-    x, u, p = (cas.SX.sym(s, k) for s, k in (('x', nx + count), ('u', nu), ('p', np_)))
+    nx, count, was = len(stage.states), rates.size1_out(0), stage.outline
+    sums = cas.SX.sym('sums', count)
+    x, u, p = cas.vertcat(was.x, sums), was.u, was.p
     dx, outputs = stage.function(x[:nx], u, p)
     function = cas.Function(
         'stage',
@@ -189,9 +189,11 @@ def with_integrals(stage: Stage, rates: cas.Function) -> Stage:
         ['dx', 'outputs'],
         {'cse': True},
     )
+    rated = cas.vertcat(was.dx, rates(was.x, u, p))
+    traced = Outline(x, u, p, rated, was.outputs, was.calls)
     names = tuple(f'integral {i + 1}' for i in range(count))
     rest = (*stage.rest, *(0.0 for _ in names))
-    return Stage((*stage.states, *names), stage.controls, stage.outputs, function, rest)
+    return Stage((*stage.states, *names), stage.controls, stage.outputs, function, rest, traced)
 
 
 def _stacked(rows: list[cas.SX]) -> cas.SX:

@@ -67,7 +67,8 @@ def chained(stage: Stage, substeps: int, *, linear: bool) -> Functions:
         shares = [(1 - fraction) * eye, fraction * eye] if linear else [eye]
         controls = cas.horzcat(cas.DM(nu, nx), *shares, cas.DM(nu, 2))
         last = cas.horzcat(cas.DM(2, nz - 2), cas.DM([[1, fraction], [0, 1 / substeps]]))
-        return cas.vertcat(state_slope, controls, cas.sparsify(last))
+        slope: cas.MX = cas.vertcat(state_slope, controls, cas.sparsify(last))
+        return slope
 
     x = x0
     for s in range(substeps):

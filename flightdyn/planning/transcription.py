@@ -46,6 +46,9 @@ class Transcription:
         self._linear = Triplets()
         self._subject: list[Index] = []
         self._rows = 0
+        self._output_rows = self._new_rows(self.layout.outputs)
+        self._linear.add(self._output_rows, self.layout.outputs, 1.0)
+        self._put_out: set[int] = set()  # bounded outputs that the motion's points give
         makers = [self._motion(), *self._bounded_outputs(), *self._rates()]
         self._total_duration()
         self.rows = self._rows
@@ -98,7 +101,8 @@ class Transcription:
         layout, mesh = self.layout, self.mesh
         s = scheme(mesh.method)
         nu, count = layout.controls.shape[0], self.costs.count
-        nv, nz = nx + count, nx + count + nu + 2
+        names = tuple(dict.fromkeys(name for each in self.structure.along for name in each))
+        nv, nz = nx + count + len(names), nx + count + nu + 2
         select, weights = Triplets(), Triplets()
         # states at the points of each interval (nx, s, n), its end last
         states = np.concatenate([layout.inside, layout.nodes[:, None, 1:]], axis=1)
@@ -108,6 +112,7 @@ class Transcription:
                 self._linear.add(rows[:, i], states[:, j], s.differences[i, j])
             self._linear.add(rows[:, i], layout.nodes[:, :-1], -s.differences[i].sum())
         places = np.concatenate([[0.0], s.points])
+        number = np.full((n, s.points.size + 1), -1)
         first = 0
 
         def points(k: Index, at: int, state: Index) -> Index:
@@ -115,9 +120,10 @@ class Transcription:
             nonlocal first
             numbers = np.arange(first, first + k.size)
             first += k.size
+            number[k, at] = numbers
             place = nz * numbers
             select.add(place + np.arange(nx)[:, None], state, 1.0)
-            self._select_controls(select, place + nv, k, at)
+            self._select_controls(select, place + nx + count, k, at)
             self._select_time(select, place + nz - 2, k, places[at])
             select.add(place + nz - 1, layout.durations[mesh.phase[k]], 1.0)
             return numbers
@@ -138,22 +144,24 @@ class Transcription:
                 )
 
         every = np.arange(n)
-        ends = every[:0]
         for at in range(1, s.points.size + 1):
-            numbers = points(every, at, states[:, at - 1])
-            count_in(every, numbers, at)
-            ends = numbers
+            count_in(every, points(every, at, states[:, at - 1]), at)
+        # where controls and the phase go on, the end before is the same point
+        on = every[1:][(mesh.phase[1:] == mesh.phase[:-1]) & (not mesh.held)]
+        number[on, 0] = number[on - 1, -1]
         if s.at_start:
-            # where controls and the phase go on, the end before is the same point
-            shared = np.zeros(n, bool)
-            if not mesh.held:
-                shared[1:] = mesh.phase[1:] == mesh.phase[:-1]
-            own = every[~shared]
-            count_in(own, points(own, 0, layout.nodes[:, own]), 0)
-            count_in(every[shared], ends[every[shared] - 1], 0)
+            own = np.setdiff1d(every, on)
+            points(own, 0, layout.nodes[:, own])
+            count_in(every, number[:, 0], 0)
+        for i, each in enumerate(layout.bounded):
+            there = number[each.interval, int(np.argmin(np.abs(places - each.position)))]
+            if each.name in names and there >= 0:
+                column = nv * there + nx + count + names.index(each.name)
+                weights.add(self._output_rows[i], column, 1.0)
+                self._put_out.add(i)
         self._tie_first_control()
-        functions = compiled(increments(self.flying))
-        return tuple(functions), select, first * nz, weights
+        functions = compiled(increments(self.flying, names))
+        return functions, select, first * nz, weights
 
     def _tie_first_control(self) -> None:
         """Let controls where a phase begins follow those of its first interval's points.
@@ -196,16 +204,16 @@ class Transcription:
         return bool(cas.depends_on(cas.vertcat(dx, y), p[-1]))
 
     def _bounded_outputs(self) -> list[Any]:
+        """Return the block of bounded outputs that no point of the motion gives."""
         layout = self.layout
-        made = []
-        names = tuple(dict.fromkeys(each.name for each in layout.bounded))
-        if not names:
+        left = [i for i in range(len(layout.bounded)) if i not in self._put_out]
+        if not left:
             return []
+        bounded = [layout.bounded[i] for i in left]
+        names = tuple(dict.fromkeys(each.name for each in bounded))
         nx, nu = layout.nodes.shape[0], layout.controls.shape[0]
         nz = nx + nu + 1
-        rows = self._new_rows(layout.outputs)
-        self._linear.add(rows, layout.outputs, 1.0)
-        where = list(dict.fromkeys((b.interval, b.position) for b in layout.bounded))
+        where = list(dict.fromkeys((b.interval, b.position) for b in bounded))
         number = {place: i for i, place in enumerate(where)}
         # one evaluation a place, of all that is bounded anywhere
         select, weights = Triplets(), Triplets()
@@ -218,17 +226,14 @@ class Transcription:
         self._select_controls(select, first + nx, k, at)
         self._select_time(select, first + nz - 1, k, position)
         column = [
-            number[b.interval, b.position] * len(names) + names.index(b.name)
-            for b in layout.bounded
+            number[b.interval, b.position] * len(names) + names.index(b.name) for b in bounded
         ]
-        weights.add(rows, np.array(column), 1.0)
-        functions = tuple(compiled(outputs(self.stage, names)))
-        made.append((functions, select, k.size * nz, weights))
-        return made
+        weights.add(self._output_rows[left], np.array(column), 1.0)
+        return [(compiled(outputs(self.stage, names)), select, k.size * nz, weights)]
 
     def _rates(self) -> list[Any]:
         """Return the block of the controls' rates: rate times time is the change."""
-        layout, mesh, rated = self.layout, self.mesh, self.structure.rated
+        layout, rated = self.layout, self.structure.rated
         if not rated:
             return []
         r, h, wind = cas.SX.sym('r', len(rated)), cas.SX.sym('h'), cas.SX.sym('wind', 3)

@@ -21,6 +21,7 @@ The geometry is in geometry axes (x aft, y right, z up), as is usual for drawing
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as _np
@@ -30,8 +31,8 @@ from ..dynamics import OperatingPoint
 from ..environment.atmosphere import Atmosphere
 from ..errors import InputError, MissingExtraError
 from ..files import cache_folder
-from ..tables import Table, read_table, write_table
-from .aero_table import CHECK, TableAerodynamics, digest, fit_table
+from ..tables import Table, write_table
+from .aero_table import CHECK, TableAerodynamics, fitted_file
 from .aerodynamics import SHARED_KEYS, read_shared
 from .fields import Context, Fields, in_degrees, named_bounds
 from .surrogate import MARGIN
@@ -73,13 +74,9 @@ def read_buildup(fields: Fields, context: Context) -> TableAerodynamics:
     if min(counts.values()) < 2 or _np.prod(list(counts.values())) > LARGEST:
         raise InputError(f'{nodes.where}: two or more each, {LARGEST} together, got {counts}')
     point = fields.vector('reference_point', [0, 0, 0])
-    table = sampled(context.geometry, box, counts, point)
-    fits, errors = fit_table(table, LOGARITHMIC, (), fields.where)
+    path = sample_file(context.geometry, box, counts, point)
     return TableAerodynamics(
-        **read_shared(fields, context),
-        digest=digest(table, LOGARITHMIC),
-        fits=fits,
-        errors=errors,
+        **read_shared(fields, context), **fitted_file(path, LOGARITHMIC, (), fields.where)
     )
 
 
@@ -99,13 +96,15 @@ def _box(fields: Fields) -> dict[str, tuple[float, float]]:
     return box
 
 
-def sampled(
+def sample_file(
     geometry: Mapping[str, Any],
     box: Mapping[str, tuple[float, float]],
     counts: Mapping[str, int],
     reference_point: Sequence[float] = (0.0, 0.0, 0.0),
-) -> Table:
-    """Return the coefficients of a geometry on a grid of Chebyshev points, and some between.
+) -> Path:
+    """Return a file of the coefficients of a geometry on a grid of Chebyshev points.
+
+    Some samples between are kept out of the grid, to check against.
 
     Parameters
     ----------
@@ -120,21 +119,21 @@ def sampled(
 
     Returns
     -------
-    columns
-        As `aero_table.fit_table` takes them.
+    path
+        Of a table as `aero_table.fit_table` takes it; made if there is none yet.
     """
     key = json.dumps([geometry, box, counts, list(reference_point), CHECKS], sort_keys=True)
     name = hashlib.sha256(key.encode()).hexdigest()[:20]
     path = cache_folder() / f'aero-{name}.csv'
     if path.is_file():
-        return read_table(path)[0]
+        return path
     table = _sample(geometry, box, counts, reference_point)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f'cannot keep samples in {path.parent}: {error.strerror}') from error
     write_table(table, path)
-    return table
+    return path
 
 
 def _sample(

@@ -3,6 +3,8 @@
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as _np
@@ -15,7 +17,7 @@ from ..numpy import Vectorizable
 from ..tables import Table, read_table
 from .aerodynamics import COEFFICIENTS, SHARED_KEYS, Coefficients, Values, read_shared
 from .fields import Context, Fields
-from .surrogate import Axis, Surrogate, basis_functions
+from .surrogate import Axis, Surrogate, evaluated
 
 Array = NDArray[_np.float64]
 
@@ -76,8 +78,8 @@ class TableAerodynamics(Coefficients):
 
     def coefficients(self, dyn: Dynamics, controls: Values) -> dict[str, Vectorizable]:
         """Return the coefficients of the table's columns."""
-        functions = basis_functions(self.axes, self._inputs(dyn, controls))
-        return {name: fit.of(functions) for name, fit in self.fits.items()}
+        found = evaluated(list(self.fits.values()), self._inputs(dyn, controls))
+        return dict(zip(self.fits, found, strict=True))
 
     def _inputs(self, dyn: Dynamics, controls: Values) -> dict[str, Vectorizable]:
         air = dyn.op_point
@@ -125,17 +127,40 @@ def read_table_aerodynamics(fields: Fields, context: Context) -> TableAerodynami
     if not isinstance(name, str):
         raise InputError(f'{fields.at("file")}: expected the name of a table, got {name!r}')
     logarithmic = fields.values.get('logarithmic', [])
-    if not isinstance(logarithmic, list):
+    if not isinstance(logarithmic, list) or not all(isinstance(n, str) for n in logarithmic):
         raise InputError(f'{fields.at("logarithmic")}: expected names of axes in a list')
     path = context.folder / name
-    table, _ = read_table(path)
-    fits, errors = fit_table(table, logarithmic, tuple(context.controls), str(path))
     return TableAerodynamics(
         **read_shared(fields, context),
-        digest=digest(table, logarithmic),
-        fits=fits,
-        errors=errors,
+        **fitted_file(path, tuple(logarithmic), tuple(context.controls), str(path)),
     )
+
+
+def fitted_file(
+    path: Path, logarithmic: tuple[str, ...], controls: tuple[str, ...], where: str
+) -> dict[str, Any]:
+    """Return digest, fits and errors of a file's table, kept for when it is asked for again.
+
+    Raises
+    ------
+    InputError
+        As of `read_table` and `fit_table`.
+    """
+    content = path.read_bytes() if path.is_file() else b''
+    return dict(_fitted_file(content, path, logarithmic, controls, where))
+
+
+@lru_cache(maxsize=16)
+def _fitted_file(
+    content: bytes,  # tells whether the file has changed
+    path: Path,
+    logarithmic: tuple[str, ...],
+    controls: tuple[str, ...],
+    where: str,
+) -> dict[str, Any]:
+    table, _ = read_table(path)
+    fits, errors = fit_table(table, logarithmic, controls, where)
+    return {'digest': digest(table, logarithmic), 'fits': fits, 'errors': errors}
 
 
 def digest(table: Table, logarithmic: Sequence[str]) -> str:
@@ -214,20 +239,28 @@ def _grid(
     """Return the axes, and the order that brings the rows into their grid."""
     try:
         axes = [
-            Axis(name, _np.unique(values).astype(float), name in logarithmic)
-            for name, values in columns.items()
+            Axis(name, _distinct(values), name in logarithmic) for name, values in columns.items()
         ]
     except InputError as error:
         raise InputError(f'{where}: {error}') from None
     expected = int(_np.prod([len(axis.nodes) for axis in axes]))
     rows = _np.stack(list(columns.values()), axis=1)
-    if len(rows) != expected or len(_np.unique(rows, axis=0)) != expected:
+    order = _np.lexsort(list(columns.values())[::-1])
+    steps = _np.diff(rows[order], axis=0, prepend=_np.nan)
+    different = _np.count_nonzero(_np.any(steps != 0, axis=1))
+    if not expected or len(rows) != expected or different != expected:
         shape = ' x '.join(f'{len(axis.nodes)} {axis.name}' for axis in axes)
         raise InputError(
-            f'{where}: {len(rows)} rows, {len(_np.unique(rows, axis=0))} of them different, are '
-            f'no full grid of {shape} = {expected}'
+            f'{where}: {len(rows)} rows, {different} of them different, are no full grid of '
+            f'{shape} = {expected}'
         )
-    return axes, _np.lexsort(list(columns.values())[::-1])
+    return axes, order
+
+
+def _distinct(values: NDArray[Any]) -> Array:
+    """Return the values that there are, ascending; `numpy.unique` imports masked arrays first."""
+    ascending: Array = _np.sort(values.astype(float))
+    return ascending[_np.diff(ascending, prepend=-_np.inf) > 0]
 
 
 def _at(fit: Surrogate, inputs: Mapping[str, Array]) -> Array:

@@ -6,14 +6,17 @@ others: infinitely and twice continuously differentiable. Several axes multiply.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
+import casadi as cas
 import numpy as _np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import numpy as np
+from ..dynamics import opaque
 from ..errors import InputError
-from ..numpy import Vectorizable
+from ..numpy import Vectorizable, is_symbolic
 
 Array = NDArray[_np.float64]
 
@@ -87,7 +90,7 @@ class Axis:
             x, lower, upper = np.log(x), _np.log(lower), _np.log(upper)
         return (2.0 * x - (lower + upper)) / (upper - lower) if lower < upper else x - lower
 
-    @property
+    @cached_property
     def is_polynomial(self) -> bool:
         """Whether the nodes are extrema of a Chebyshev polynomial, or too few for a spline."""
         n = len(self.nodes)
@@ -98,28 +101,45 @@ class Axis:
             )
         )
 
-    def basis(self, s: Any) -> list[Any]:
-        """Return the n functions that values are sums of, at a scaled input."""
-        return self._chebyshev(s) if self.is_polynomial else self._splines(s)
+    def basis(self, s: Any, order: int = 0) -> list[list[Any]]:
+        """Return the n functions that values are sums of, and their derivatives up to an order.
 
-    def _chebyshev(self, s: Any) -> list[Any]:
-        functions = [1.0 + 0.0 * s, s]
-        while len(functions) < len(self.nodes):
-            functions.append(2.0 * s * functions[-1] - functions[-2])
-        return functions[: len(self.nodes)]
+        Parameters
+        ----------
+        s
+            Scaled input.
+        order : 0, 1 or 2
 
-    def _splines(self, s: Any) -> list[Any]:
+        Returns
+        -------
+        order + 1 lists of n
+        """
+        return self._chebyshev(s, order) if self.is_polynomial else self._splines(s, order)
+
+    def _chebyshev(self, s: Any, order: int) -> list[list[Any]]:
+        n, twice, nothing = len(self.nodes), 2.0 * s, 0.0 * s
+        found = [[1.0 + nothing, s], [nothing, 1.0 + nothing], [nothing, nothing]][: order + 1]
+        for d, functions in enumerate(found):
+            for i in range(2, n):
+                following = twice * functions[-1] - functions[-2]
+                if d:
+                    following = following + 2.0 * d * found[d - 1][i - 1]
+                functions.append(following)
+        return [functions[:n] for functions in found]
+
+    def _splines(self, s: Any, order: int) -> list[list[Any]]:
         knots, weights = self._knots
-        powers = [np.maximum(knot - s, 0.0) for knot in knots]
-        powers = [power * power * power for power in powers]
-        return [
-            sum(w * p for w, p in zip(row, powers[i:], strict=False))
-            for i, row in enumerate(weights)
+        ahead = [np.maximum(knot - s, 0.0) for knot in knots]
+        powers = [
+            [part * part * part for part in ahead],
+            [-3.0 * part * part for part in ahead],
+            [6.0 * part for part in ahead],
         ]
+        return [_columns(weighted(part, weights)) for part in powers[: order + 1]]
 
-    @property
+    @cached_property
     def _knots(self) -> tuple[Array, Array]:
-        """Knots and the weights of five truncated powers in each B-spline.
+        """Knots (n + 4,) and the weights (n + 4, n) of truncated powers in each B-spline.
 
         The second node and the last but one are no knots, so that there are as many functions as
         nodes; knots beyond the ends keep all knots simple.
@@ -134,17 +154,17 @@ class Axis:
         first, last = inner[1] - inner[0], inner[-1] - inner[-2]
         beyond = _np.arange(1, 4)
         knots = _np.concatenate((s[0] - first * beyond[::-1], inner, s[-1] + last * beyond))
-        weights = []
+        weights = _np.zeros((len(knots), len(s)))
         for i in range(len(s)):
             five = knots[i : i + 5]
             apart = five[:, None] - five[None, :] + _np.eye(5)
-            weights.append((five[4] - five[0]) / apart.prod(axis=1))
-        return knots, _np.array(weights)
+            weights[i : i + 5, i] = (five[4] - five[0]) / apart.prod(axis=1)
+        return knots, weights
 
     def collocation(self, x: ArrayLike) -> Array:
         """Return the functions at inputs: one row each, one column a function."""
         s = self.scaled(_np.asarray(x, float))
-        return _np.stack(_np.broadcast_arrays(*self.basis(s)), axis=-1)
+        return _np.stack(_np.broadcast_arrays(*self.basis(s)[0]), axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,12 +205,7 @@ class Surrogate:
 
     def __call__(self, inputs: Mapping[str, Vectorizable]) -> Vectorizable:
         """Return the value at inputs by name, bent into the axes' ranges."""
-        return self.of(basis_functions(self.axes, inputs))
-
-    def of(self, functions: Sequence[Sequence[Vectorizable]]) -> Vectorizable:
-        """Return the value of what `basis_functions` gave, which several surrogates may share."""
-        total = _contract(self.coefficients, functions)
-        return np.exp(total) if self.logarithmic else total
+        return evaluated([self], inputs)[0]
 
     def on_grid(self, points: Sequence[Array]) -> Array:
         """Return the values at all combinations of points along the axes, as they are."""
@@ -200,22 +215,89 @@ class Surrogate:
         return _np.exp(tensor) if self.logarithmic else tensor
 
 
-def basis_functions(
-    axes: Sequence[Axis], inputs: Mapping[str, Vectorizable]
-) -> list[list[Vectorizable]]:
-    """Return each axis' functions at inputs by name, bent into the axes' ranges."""
-    return [axis.basis(axis.scaled(axis.clip(inputs[axis.name]))) for axis in axes]
-
-
-def _contract(coefficients: Any, functions: Sequence[Sequence[Vectorizable]]) -> Any:
-    """Return the sum of coefficients times products of functions, without those that are 0."""
-    if not functions:
-        return float(coefficients)
-    first, *rest = functions
-    # the last axes innermost: what depends on fewer inputs is shared by more
-    terms = [
-        function * _contract(part, rest)
-        for function, part in zip(first, coefficients, strict=True)
-        if _np.any(part)
+def evaluated(
+    surrogates: Sequence[Surrogate], inputs: Mapping[str, Vectorizable]
+) -> list[Vectorizable]:
+    """Return the values of surrogates over the same axes; what they share is done once."""
+    axes = surrogates[0].axes
+    sums = TensorSums(axes, _np.stack([surrogate.coefficients for surrogate in surrogates]))
+    scaled = [axis.scaled(axis.clip(inputs[axis.name])) for axis in axes]
+    totals = opaque.values(sums, scaled, len(surrogates))
+    return [
+        np.exp(total) if surrogate.logarithmic else total
+        for surrogate, total in zip(surrogates, totals, strict=True)
     ]
-    return sum(terms) if terms else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class TensorSums:
+    """Sums of products of the axes' functions, and their derivatives by the scaled inputs.
+
+    Parameters
+    ----------
+    axes : sequence of Axis
+    coefficients : (k, n1, n2, ...)
+        Of k sums.
+    """
+
+    axes: tuple[Axis, ...]
+    coefficients: Array
+
+    def partials(
+        self, inputs: Sequence[Vectorizable], order: int
+    ) -> dict[opaque.Orders, list[Vectorizable]]:
+        """Return all partial derivatives up to an order, by how often each input is in them.
+
+        One axis after another is summed over, the longest first: that leaves least to the others.
+        """
+        inputs = _alike(inputs)
+        turn = sorted(range(len(self.axes)), key=lambda i: -len(self.axes[i].nodes))
+        first, *others = (self.axes[i].basis(inputs[i], order) for i in turn)
+        tensor = self.coefficients.transpose(*(i + 1 for i in turn), 0)
+        weights = tensor.reshape(len(tensor), -1)
+        parts: dict[opaque.Orders, Any] = {
+            (d,): weighted(functions, weights) for d, functions in enumerate(first)
+        }
+        for basis in others:
+            parts = {
+                (*orders, d): _summed(basis[d], part)
+                for orders, part in parts.items()
+                for d in range(order + 1 - sum(orders))
+            }
+        back = _np.argsort(turn)
+        return {tuple(orders[i] for i in back): _columns(part) for orders, part in parts.items()}
+
+
+def _alike(inputs: Sequence[Any]) -> list[Any]:
+    """Return inputs of one length."""
+    if not is_symbolic(*inputs):
+        return list(_np.broadcast_arrays(*inputs))
+    symbols = [x if is_symbolic(x) else cas.DM(x) for x in inputs]
+    n = max(x.size1() for x in symbols)
+    return [cas.repmat(x, n, 1) if x.size1() < n else x for x in symbols]
+
+
+def weighted(functions: Sequence[Any], weights: Array) -> Any:
+    """Return m sums of n functions with weights (n, m), in columns; see `_columns`."""
+    if is_symbolic(*functions):
+        # sparse: no products with 0
+        return cas.mtimes(cas.horzcat(*functions), cas.sparsify(cas.DM(weights)))
+    return _np.tensordot(_np.stack(functions, -1), weights, 1)
+
+
+def _summed(functions: Sequence[Any], columns: Any) -> Any:
+    """Return the sum of functions times as many blocks of columns."""
+    width = columns.shape[-1] // len(functions)
+    if is_symbolic(columns):
+        blocks = cas.horzsplit(columns, width)
+        factors = [cas.repmat(function, 1, width) for function in functions]
+    else:
+        blocks = _np.split(columns, len(functions), axis=-1)
+        factors = [function[..., None] for function in functions]
+    return sum(factor * block for factor, block in zip(factors, blocks, strict=True))
+
+
+def _columns(columns: Any) -> list[Any]:
+    if is_symbolic(columns):
+        return list(cas.horzsplit(columns))
+    return list(_np.moveaxis(columns, -1, 0))

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import casadi as cas
+import numpy as np
 import pytest
 
 from flightdyn.planning import compiled as compiling
@@ -34,6 +35,24 @@ def test_what_is_compiled_gives_the_same_and_is_kept(cache: Path) -> None:
     assert library.stat().st_mtime_ns == written
     compiled([cube('other')])
     assert len(list(cache.glob('*.so'))) == 2
+    assert not [path for path in cache.iterdir() if path.is_dir()]
+
+
+@pytest.mark.usefixtures('cache')
+def test_a_function_that_has_changed_is_compiled_anew() -> None:
+    x = cas.SX.sym('x')
+    before, after = (
+        compiled([cas.Function('f', [x], [factor * x])])[0] for factor in (2.0, 2.0 + 1e-15)
+    )
+    assert float(after(1.0)) > float(before(1.0)) == 2.0
+
+
+@pytest.mark.usefixtures('cache')
+def test_several_functions_are_compiled_together() -> None:
+    both = compiled([cube(), cube('other')])
+    assert [function.name() for function in both] == ['cube', 'other']
+    for function in both:
+        np.testing.assert_array_equal(function([2.0, 3.0])[0], [[8.0], [27.0]])
 
 
 @pytest.mark.usefixtures('cache')

@@ -1,6 +1,7 @@
 """Tables of aerodynamic samples: the Cessna's against AeroBuildup, and tables of one's own."""
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -210,6 +211,19 @@ def test_the_key_of_a_vehicle_changes_with_its_table(tmp_path: Path) -> None:
     assert len(first) < 5000
 
 
+def test_a_table_is_fitted_once_and_again_when_it_has_changed(tmp_path: Path) -> None:
+    alpha = np.array([0.0, 5.0])
+    first = made(tmp_path, PLAIN, alpha=alpha, CL=[0.0, 0.5], CD=[0.1, 0.2])
+    assert load_vehicle('made', tmp_path).aerodynamics.fits['CL'] is first.aerodynamics.fits['CL']
+    path = tmp_path / 'vehicles' / 'table.csv'
+    before = path.stat()
+    path.write_bytes(path.read_bytes().replace(b'0.5', b'0.7'))
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+    changed = load_vehicle('made', tmp_path)
+    assert changed.aerodynamics.fits['CL']({'alpha': 2.5}) == pytest.approx(0.35)
+    assert repr(changed) != repr(first)
+
+
 @pytest.mark.parametrize(
     ('columns', 'message'),
     [
@@ -219,6 +233,7 @@ def test_the_key_of_a_vehicle_changes_with_its_table(tmp_path: Path) -> None:
         ({'alpha': ['0', 'a']}, "column 'alpha' must hold finite numbers"),
         ({'alpha': [0, 0]}, '2 rows, 1 of them different, are no full grid of 1 alpha = 1'),
         ({'alpha': [0, 1], 'flaps': [0, 1]}, 'no full grid of 2 alpha x 2 flaps = 4'),
+        ({'alpha': [0, 1], 'check': [1, 1]}, '0 rows, 0 of them different, are no full grid'),
         ({}, 'no column to be an axis; known: alpha'),
     ],
 )
@@ -233,6 +248,8 @@ def test_what_is_missing_is_named(tmp_path: Path) -> None:
     text = VEHICLE.replace('span: 4', 'span: 4, logarithmic: [airsped]')
     with pytest.raises(InputError, match=r"no axis 'airsped' to be logarithmic"):
         made(tmp_path, text, alpha=[0, 1], CL=[0, 1], CD=[1, 1])
+    with pytest.raises(InputError, match='logarithmic: expected names of axes'):
+        made(tmp_path, text.replace('[airsped]', '[[alpha]]'), alpha=[0, 1], CL=[0, 1], CD=[1, 1])
     with pytest.raises(InputError, match=r'no file .*other.csv'):
         made(tmp_path, VEHICLE.replace('table.csv', 'other.csv'), CL=[1])
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
 from flightdyn.errors import InputError
-from flightdyn.vehicles.surrogate import Axis, Surrogate, smooth_clip
+from flightdyn.vehicles.surrogate import Axis, Surrogate, TensorSums, evaluated, smooth_clip
 
 
 def chebyshev_points(n: int, lower: float, upper: float) -> Any:
@@ -93,6 +93,58 @@ def test_positive_values_stay_positive_and_symbols_agree_with_numbers() -> None:
         symbol = kind.sym('x')
         function = cas.Function('f', [symbol], [fit({'x': symbol})])
         np.testing.assert_allclose(function.map(400)(x).full().ravel(), fit({'x': x}), rtol=1e-9)
+
+
+def two_of_three_axes() -> list[Surrogate]:
+    axes = [
+        Axis('a', np.array([0.0, 2.0])),
+        Axis('b', np.linspace(-1.0, 1.0, 9)),
+        Axis('c', np.exp(chebyshev_points(5, 0.0, 1.0)), logarithmic=True),
+    ]
+    a, b, c = np.meshgrid(*(axis.nodes for axis in axes), indexing='ij')
+    return [Surrogate.fit(axes, np.exp(a * b) * c), Surrogate.fit(axes, np.sin(a + b) - c)]
+
+
+def test_arrays_numbers_and_vectors_of_symbols_mix() -> None:
+    fits = two_of_three_axes()
+    a, b, c = np.array([0.3, 1.1, 1.7]), 0.2, np.array([[1.5], [2.5]])
+    points = np.array([[[a_i, b, float(c_i)] for a_i in a] for c_i in c.ravel()])
+    exact = [
+        [[fit(dict(zip('abc', p, strict=True))) for p in row] for row in points] for fit in fits
+    ]
+    assert np.shape(exact) == (2, 2, 3)
+    np.testing.assert_allclose(evaluated(fits, {'a': a, 'b': b, 'c': c}), exact, rtol=1e-13)
+    for kind in (cas.SX, cas.MX):
+        symbol = kind.sym('a', 3)
+        found = evaluated(fits, {'a': symbol, 'b': b, 'c': 2.5})
+        assert [part.shape for part in found] == [(3, 1), (3, 1)]
+        values = cas.Function('f', [symbol], found)(a)
+        for part, row in zip(values, exact, strict=True):
+            np.testing.assert_allclose(part.full().ravel(), row[1], rtol=1e-13)
+
+
+def test_partial_derivatives_are_casadis_of_the_sums() -> None:
+    fits = two_of_three_axes()
+    sums = TensorSums(fits[0].axes, np.stack([fit.coefficients for fit in fits]))
+    s = cas.SX.sym('s', 3)
+    found = sums.partials(cas.vertsplit(s), 2)
+    assert sorted(found) == [
+        *[(0, 0, 0), (0, 0, 1), (0, 0, 2), (0, 1, 0), (0, 1, 1), (0, 2, 0)],
+        *[(1, 0, 0), (1, 0, 1), (1, 1, 0), (2, 0, 0)],
+    ]
+    for k, value in enumerate(found[(0, 0, 0)]):
+        gradient, hessian = cas.gradient(value, s), cas.hessian(value, s)[0]
+        for orders, parts in found.items():
+            expected = value
+            if sum(orders) == 1:
+                expected = gradient[orders.index(1)]
+            elif sum(orders) == 2:
+                i, j = np.repeat(range(3), orders).tolist()
+                expected = hessian[i, j]
+            both = cas.Function('f', [s], [parts[k], expected])
+            for point in ([0.3, -0.4, 0.9], [-0.9, 0.99, -0.2]):
+                one, two = (float(part) for part in both(point))
+                assert one == pytest.approx(two, rel=1e-12, abs=1e-12), orders
 
 
 def test_far_outside_value_and_derivatives_are_finite() -> None:
