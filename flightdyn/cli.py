@@ -71,6 +71,13 @@ def _parser() -> argparse.ArgumentParser:
         metavar='KEY=VALUE',
         help='override an entry of the problem, such as final.x_e=2 or nodes=160',
     )
+    plan.add_argument(
+        '--multistart',
+        type=int,
+        metavar='N',
+        help='start from N guesses and list the local optima found',
+    )
+    plan.add_argument('--seed', type=int, default=0, help='of the guesses besides the first')
     _add_output(plan, export.FLIGHT_FORMATS)
 
     sim = command('sim', _sim, 'Simulate a scenario, or fly a plan open-loop.')
@@ -116,9 +123,14 @@ def _plan(arguments: argparse.Namespace) -> int:
     from .planning.problem import load_problem
 
     outputs = export.check_outputs(arguments.output, export.FLIGHT_FORMATS)
-    problem = load_problem(arguments.problem, arguments.set, arguments.config_dir)
+    settings = list(arguments.set)
+    if arguments.multistart is not None:
+        settings.append(f'multistart={arguments.multistart}')
+    problem = load_problem(arguments.problem, settings, arguments.config_dir)
     with _interruptible() as interrupted, _iterations() as on_iteration:
-        plan = Planner().plan(problem, on_iteration=on_iteration, should_stop=interrupted)
+        plan = Planner().plan(
+            problem, seed=arguments.seed, on_iteration=on_iteration, should_stop=interrupted
+        )
     document = plan_document(plan)
     for path in outputs:
         export.write_flight(path, plan.trajectory, document)
@@ -136,6 +148,13 @@ def _plan(arguments: argparse.Namespace) -> int:
                 ('method', report.transcription),
                 ('verified', 'yes' if report.verified else 'NO'),
                 *((f'  error {k}', f'{v:.2g}') for k, v in report.verification.items()),
+                *(
+                    (f'optimum {i}', f'{each.report.objective:.8g}')
+                    for i, each in enumerate([plan, *plan.others], start=1)
+                    if plan.others
+                ),
+                *((f'arc {i}', _arc(arc)) for i, arc in enumerate(report.arcs, start=1)),
+                *(('remedy', remedy) for remedy in report.remedies),
                 *(('written', str(path)) for path in outputs),
             ]
         )
@@ -144,6 +163,11 @@ def _plan(arguments: argparse.Namespace) -> int:
     if report.code != ResultCode.SUCCESS:
         print(f'flightdyn: {report.message}', file=sys.stderr)
     return EXIT_CODES[report.code]
+
+
+def _arc(arc: dict[str, Any]) -> str:
+    limits = ', '.join(f'{name} {side}' for name, side in arc['limits'].items())
+    return f'{arc["start"]:.6g} to {arc["end"]:.6g} s: {limits}'
 
 
 @contextmanager

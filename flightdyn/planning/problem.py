@@ -38,10 +38,12 @@ MAX_STAGES = 16
 MAX_NODES = 5000
 UNBOUNDED = (-math.inf, math.inf)
 MAX_PHASES = 50
+MAX_STARTS = 1000
 CONDITIONS = ('duration', 'initial', 'final', 'path', 'guess', 'nodes')
 KEYS = (
     *('description', 'vehicle', 'model', 'objective', 'phases', *CONDITIONS),
     *('wind_ned', 'control_interpolation', 'transcription', 'spacing', 'refine', 'sharpen'),
+    'multistart',
     *('tolerance', 'max_wall_time'),
 )
 CHOICES: Mapping[str, tuple[str, ...]] = {
@@ -109,6 +111,8 @@ class Problem:
         By itself multiple shooting for held controls, Radau collocation for linear ones.
     spacing : 'uniform', 'cosine', or pairs, see `mesh.spaced`
         Of the first mesh.
+    multistart : int
+        How many guesses plans start from, see `Planner.plan`.
     refine : bool
         Whether the mesh is refined until the plan, flown again, is within the tolerance.
     sharpen : bool
@@ -142,6 +146,7 @@ class Problem:
     control_interpolation: ControlInterpolation = 'previous'
     transcription: Method | Literal['auto'] = 'auto'
     spacing: Spacing = 'uniform'
+    multistart: int = 1
     refine: bool = True
     sharpen: bool = True
     tolerance: float = 1e-4
@@ -178,6 +183,10 @@ class Problem:
                 raise InputError(f'{self.name}: {key}: must be true or false')
         if not 1 <= self.nodes <= MAX_NODES:
             raise InputError(f'{self.name}: nodes must be 1 to {MAX_NODES}, got {self.nodes}')
+        if not 1 <= self.multistart <= MAX_STARTS:
+            raise InputError(
+                f'{self.name}: multistart must be 1 to {MAX_STARTS}, got {self.multistart}'
+            )
         if not 1e-12 <= self.tolerance <= 1:
             raise InputError(f'{self.name}: tolerance must be 1e-12 to 1, got {self.tolerance:g}')
         if not 0 < self.max_wall_time < math.inf:
@@ -433,6 +442,10 @@ def _problem(path: Path, document: dict[str, Any], config_dir: str | Path | None
     chosen = {
         key: document[key] for key in (*CHOICES, 'spacing', 'refine', 'sharpen') if key in document
     }
+    if 'multistart' in document:
+        chosen['multistart'] = whole_number(
+            document['multistart'], f'{path}: multistart', lower=1, upper=MAX_STARTS
+        )
     for key in ('tolerance', 'max_wall_time'):
         chosen[key] = number(document.get(key, defaults[key].default), f'{path}: {key}')
     return Problem(
