@@ -177,17 +177,10 @@ def scales(problem: Problem, layout: Layout) -> Array:
             known += [*problem.limits(name, i)]
             known += guess_columns(problem, (name,), i, fractions).ravel().tolist()
         sizes[name] = _size(known)
-    for each in layout.bounded:
-        leg = legs[each.phase]
-        sizes.setdefault(
-            each.name,
-            _size(
-                [
-                    *_numbers(each.name, (leg.initial, leg.final)),
-                    *problem.limits(each.name, each.phase),
-                ]
-            ),
-        )
+    for name, phase in dict.fromkeys((each.name, each.phase) for each in layout.bounded):
+        if name not in sizes:
+            ends = _numbers(name, (legs[phase].initial, legs[phase].final))
+            sizes[name] = _size([*ends, *problem.limits(name, phase)])
     scale = np.array([sizes.get(kind, 1.0) for kind in layout.kinds])
     durations = guess_durations(problem)
     for row, name in enumerate(layout.structure.rated):

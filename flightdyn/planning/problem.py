@@ -3,7 +3,7 @@
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -161,7 +161,7 @@ class Problem:
             for group in ('path', 'initial', 'final'):
                 self._check_bounds(f'{where}{group}', getattr(leg, group), leg)
         if self.objective != TIME:
-            trace(self.objective, self.stage, [1.0] * len(self.stage.controls), self.phase_names)
+            _check_objective(self.objective, self.stage, self.phase_names)
         lower, upper = self.duration
         if not (0 < lower <= upper < math.inf):
             raise InputError(
@@ -199,7 +199,7 @@ class Problem:
         """The vehicle's physics."""
         return self.vehicle.model()
 
-    @property
+    @cached_property
     def stage(self) -> Stage:
         """The vehicle's traced physics."""
         return _stage(self.vehicle)
@@ -375,6 +375,12 @@ class Problem:
             path={**self.path, **self._down('path', path or {})},
             **changes,
         )
+
+
+@lru_cache(maxsize=64)
+def _check_objective(objective: Objective, stage: Stage, phases: tuple[str, ...]) -> None:
+    """Refuse a formula with names that the stage and the phases do not have."""
+    trace(objective, stage, [1.0] * len(stage.controls), phases)
 
 
 def _tightened(outer: Bounds, inner: Bounds) -> Bounds:

@@ -114,7 +114,9 @@ class Run:
         if plan.attempt is None or not plan.report.verified:
             return None
         solved, problem = plan.attempt, self.problem
-        if solved.problem.phases != problem.phases:
+        if solved.layout.state_names != problem.stage.states:
+            return None
+        if plan.report.arcs:
             problem = with_arcs(problem, arcs_of(problem, solved), problem.nodes)
         mesh = solved.structure.mesh
         if conditions.structure(problem, mesh) != solved.structure:

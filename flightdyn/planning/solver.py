@@ -36,6 +36,7 @@ STRATEGIES: dict[str, dict[str, Any]] = {
     'warm': {
         'ipopt.warm_start_init_point': 'yes',
         'ipopt.mu_init': 1e-4,
+        'ipopt.mu_strategy': 'adaptive',
         'ipopt.warm_start_bound_push': 1e-6,
         'ipopt.warm_start_bound_frac': 1e-6,
         'ipopt.warm_start_slack_bound_push': 1e-6,

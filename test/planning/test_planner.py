@@ -1,6 +1,7 @@
 """Plans: the optimum, verification, every way to fail, cancelling."""
 
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -264,21 +265,50 @@ def test_a_solution_as_guess_needs_few_iterations(planner: Planner, flip) -> Non
     assert plan.report.final_time == pytest.approx(flip.report.final_time, abs=1e-6)
 
 
-def test_two_threads_get_the_same_answers(planner: Planner, flip) -> None:  # type: ignore[no-untyped-def]
-    times = []
-    threads = [
-        threading.Thread(
-            target=lambda: times.append(
-                planner.plan(load_problem('quadcopter_flip')).report.final_time
-            )
-        )
-        for _ in range(2)
+def test_many_threads_get_the_answers_of_one_by_one(planner: Planner) -> None:
+    """To the last bit: nothing that a solve computes with is shared while it runs."""
+    problems = [
+        load_problem('quadcopter_flip', ['nodes=20']).with_changes(final={'x_e': (x, x)})
+        for x in np.linspace(0.8, 1.2, 12)
     ]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert times == [flip.report.final_time] * 2
+    turns = [
+        load_problem('cessna152_turnback', ['nodes=20']).with_changes(wind_ned=(w, 0.0, 0.0))
+        for w in np.linspace(-3, 3, 8)
+    ]
+    every = [each for pair in zip(problems[:8], turns, strict=True) for each in pair]
+    every += problems[8:] + problems[:2]
+    alone = [Planner().plan(problem) for problem in every[:4]] + [
+        planner.plan(problem) for problem in every[4:]
+    ]
+    with ThreadPoolExecutor(6) as pool:
+        together = list(pool.map(planner.plan, every))
+    for one, other in zip(alone, together, strict=True):
+        assert one.report.objective == other.report.objective
+        assert one.report.verification == other.report.verification
+        for name, values in one.trajectory.columns.items():
+            np.testing.assert_array_equal(values, other.trajectory[name])
+
+
+def test_near_a_plan_a_few_iterations_do(planner: Planner) -> None:
+    """What planning again in flight takes, against the same from scratch."""
+    for name, change, most in (
+        ('quadcopter_flip', {'final': {'x_e': (1.05, 1.05)}}, 8),
+        ('cessna152_turnback', {'initial': {'speed': (34.0, 34.0)}}, 12),
+        ('rocket_climb', {'final': {'altitude': (101e3, 101e3)}}, 12),
+    ):
+        problem = load_problem(name)
+        plan = planner.plan(problem)
+        changed = problem.with_changes(**change)  # type: ignore[arg-type]
+        warm, cold = planner.plan(changed, near=plan), planner.plan(changed)
+        assert warm.report.verified
+        assert warm.report.iterations <= most < cold.report.iterations
+        assert warm.report.objective == pytest.approx(cold.report.objective, rel=1e-4)
+        assert plan.report.objective != pytest.approx(cold.report.objective, rel=1e-4)
+
+
+def test_near_another_kind_of_plan_is_from_scratch(planner: Planner, flip) -> None:  # type: ignore[no-untyped-def]
+    problem = load_problem('rocket_climb')
+    assert planner.plan(problem, near=flip).report.verified
 
 
 @pytest.mark.parametrize(
