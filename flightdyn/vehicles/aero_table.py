@@ -3,12 +3,13 @@
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as _np
 from numpy.typing import NDArray
 
-from ..config import suggestion
+from ..config import load_yaml, number, suggestion
 from ..dynamics import Dynamics
 from ..errors import InputError
 from ..numpy import Vectorizable
@@ -114,7 +115,7 @@ class TableAerodynamics(Coefficients):
 
 
 def read_table_aerodynamics(fields: Fields, context: Context) -> TableAerodynamics:
-    """Return the aerodynamics of the table that a vehicle's file names.
+    """Return the aerodynamics of the table that a vehicle's file names: .csv, .parquet or .yaml.
 
     Raises
     ------
@@ -128,7 +129,7 @@ def read_table_aerodynamics(fields: Fields, context: Context) -> TableAerodynami
     if not isinstance(logarithmic, list):
         raise InputError(f'{fields.at("logarithmic")}: expected names of axes in a list')
     path = context.folder / name
-    table, _ = read_table(path)
+    table = _columns(path) if path.suffix in ('.yaml', '.yml') else read_table(path)[0]
     fits, errors = fit_table(table, logarithmic, tuple(context.controls), str(path))
     return TableAerodynamics(
         **read_shared(fields, context),
@@ -136,6 +137,19 @@ def read_table_aerodynamics(fields: Fields, context: Context) -> TableAerodynami
         fits=fits,
         errors=errors,
     )
+
+
+def _columns(path: Path) -> Table:
+    """Return the columns of a YAML file of names and lists."""
+    table = {}
+    for name, values in load_yaml(path).items():
+        if not isinstance(values, list):
+            raise InputError(f"{path}: column '{name}': expected a list, got {values!r}")
+        table[str(name)] = _np.array([number(v, f"{path}: column '{name}'") for v in values])
+    if len({len(column) for column in table.values()}) > 1:
+        told = ', '.join(f'{name} {len(column)}' for name, column in table.items())
+        raise InputError(f'{path}: columns must be of one length, got {told}')
+    return table
 
 
 def digest(table: Table, logarithmic: Sequence[str]) -> str:

@@ -14,7 +14,7 @@ from . import aero_buildup, aero_polar, aero_table, buoyancy, propeller, propuls
 from .aerodynamics import COEFFICIENTS, Aerodynamics
 from .definition import STEERED
 from .definition import Vehicle as Vehicle
-from .fields import Context, Fields, named_bounds
+from .fields import IN_DEGREES, Context, Fields, check_controls, in_degrees, named_bounds, positive
 from .propulsion import Propulsion
 from .propulsion import Rotor as Rotor
 
@@ -23,7 +23,7 @@ T = TypeVar('T')
 INERTIA = ('Ixx', 'Iyy', 'Izz', 'Ixy', 'Iyz', 'Ixz')
 KEYS = (
     *('description', 'model', 'mass', 'inertia', 'radii_of_gyration', 'gravity', 'rotors'),
-    *('aerodynamics', 'propulsion', 'controls', 'limits', 'geometry'),
+    *('aerodynamics', 'propulsion', 'controls', 'limits', 'rates', 'geometry'),
 )
 AERODYNAMICS = {
     'polar': (aero_polar.KEYS, aero_polar.read_polar),
@@ -61,6 +61,7 @@ def load_vehicle(name: str, config_dir: str | Path | None = None) -> Vehicle:
     if aerodynamics is not None:
         mass += aerodynamics.added_mass
     drive = _propulsion(document, mass)
+    rotors = _rotors(document)
     extra = {} if drive is None else drive.extra_states
     _check_uses(document, controls, aerodynamics)
     return Vehicle(
@@ -69,11 +70,12 @@ def load_vehicle(name: str, config_dir: str | Path | None = None) -> Vehicle:
         model_name=model_name,
         mass_props=_mass_props(document, mass, model_name),
         gravity=gravity,
-        rotors=_rotors(document),
+        rotors=rotors,
         aerodynamics=aerodynamics,
         propulsion=drive,
         controls=controls,
         limits={**extra, **_limits(document, (*controls, *extra))},
+        rates=_rates(document, (*rotors, *({} if drive is None else drive.controls), *controls)),
         geometry=geometry,
     )
 
@@ -100,6 +102,19 @@ def _limits(document: Fields, more: Collection[str]) -> dict[str, tuple[float, f
     return {
         name: named_bounds(name, value, f'{given.where}.{name}')
         for name, value in given.values.items()
+    }
+
+
+def _rates(document: Fields, controls: Collection[str]) -> dict[str, float]:
+    given = document.named('rates')
+    where = document.at('rates')
+    check_controls(tuple(given), controls, where)
+    return {
+        name: positive(
+            in_degrees(value, f'{where}.{name}') if name in IN_DEGREES else value,
+            f'{where}.{name}',
+        )
+        for name, value in given.items()
     }
 
 

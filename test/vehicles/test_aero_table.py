@@ -227,6 +227,28 @@ def test_bad_tables_are_refused(tmp_path: Path, columns: Any, message: str) -> N
         made(tmp_path, **columns, CL=[0.0, 1.0], CD=[0.1, 0.1])
 
 
+def test_a_table_may_be_yaml_and_parquet(tmp_path: Path) -> None:
+    alpha, lift, drag = [0.0, 4.0, 8.0], [0.1, 0.5, 0.8], [0.02, 0.03, 0.05]
+    keys = {repr(made(tmp_path, PLAIN, alpha=alpha, CL=lift, CD=drag))}
+    write_table({'alpha': alpha, 'CL': lift, 'CD': drag}, tmp_path / 'vehicles' / 'table.parquet')
+    keys.add(repr(vehicle_of(tmp_path, PLAIN.replace('table.csv', 'table.parquet'))))
+    text = f'alpha: {alpha}\nCL: {lift}\nCD: {drag}\n'
+    path = tmp_path / 'vehicles' / 'table.yaml'
+    for content, message in (
+        (text, ''),
+        (text.replace('0.05]', ']'), 'columns must be of one length, got alpha 3, CL 3, CD 2'),
+        (text.replace('0.05]', 'x]'), "table.yaml: column 'CD': expected a number, got 'x'"),
+        (text.replace(str(alpha), '3'), "column 'alpha': expected a list, got 3"),
+    ):
+        path.write_text(content)
+        if message:
+            with pytest.raises(InputError, match=message):
+                vehicle_of(tmp_path, PLAIN.replace('table.csv', 'table.yaml'))
+        else:
+            keys.add(repr(vehicle_of(tmp_path, PLAIN.replace('table.csv', 'table.yaml'))))
+    assert len(keys) == 1  # the same content, wherever it stands
+
+
 def test_what_is_missing_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"table.csv: there is no column 'CD'"):
         made(tmp_path, alpha=[0, 1], CL=[0, 1])
