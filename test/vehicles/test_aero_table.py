@@ -176,6 +176,34 @@ def test_a_table_over_alpha_mach_and_a_control(tmp_path: Path) -> None:
     assert vehicle.aerodynamics.errors['CL'].largest < 1e-9
 
 
+def test_a_table_over_beta_and_reynolds_gives_side_force_and_moments(tmp_path: Path) -> None:
+    columns = grid(alpha=[-4.0, 12.0], beta=[-10.0, 10.0], reynolds=[1e5, 1e7])
+    beta, reynolds = columns['beta'], columns['reynolds']
+    text = PLAIN.replace('span: 4', 'span: 4, chord: 0.5, logarithmic: [reynolds]')
+    text = text.replace('PointMass2DSpeedGamma', 'RigidBody3DBodyEuler')
+    text = text.replace('mass: 10', 'mass: 10\nradii_of_gyration: [1, 1, 1]')
+    vehicle = made(
+        tmp_path, text, **columns, CL=0.1 * columns['alpha'], CD=0.5 * reynolds**-0.2,
+        CY=-0.02 * beta, Cl=-0.001 * beta, Cn=0.002 * beta,
+    )  # fmt: skip
+    v, angle = 30.0, np.radians(5.0)  # the wind from the right: beta > 0
+    rates, air = evaluated(
+        vehicle.model().stage(), u_b=v * np.cos(angle), v_b=v * np.sin(angle), z_e=0.0
+    )
+    force = 0.5 * 1.225 * v**2 * 2.0  # ISA at sea level, area 2 m^2
+    # 1e-3: the density of the smooth atmosphere against 1.225
+    assert rates['r'] == pytest.approx(force * 4.0 * 0.002 * 5.0 / 10.0, rel=1e-3)
+    assert rates['p'] == pytest.approx(-force * 4.0 * 0.001 * 5.0 / 10.0, rel=1e-3)
+    # 30 m/s over 0.5 m in air of 1.461e-5 m^2/s (USSA 1976)
+    assert air['reynolds'] == pytest.approx(30 * 0.5 / 1.461e-5, rel=2e-3)
+    # a power is what a logarithm of drag over one of Reynolds numbers takes to rounding
+    assert air['CD'] == pytest.approx(0.5 * air['reynolds'] ** -0.2)
+    side = -force * 0.02 * 5.0
+    drag = force * air['CD']
+    pushed = (side * np.cos(angle) - drag * np.sin(angle)) / 10.0
+    assert rates['v_b'] == pytest.approx(pushed, rel=1e-3)
+
+
 def test_the_error_without_samples_apart_is_pessimistic(tmp_path: Path) -> None:
     alpha = np.linspace(-10.0, 20.0, 31)
     lift = np.sin(0.4 * alpha)
