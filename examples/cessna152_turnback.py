@@ -5,6 +5,7 @@ slower. In calm air, and in wind along the runway, both ways round are alike. In
 side they are as unlike as can be; an optimiser stays with the one it was told, so plan both.
 """
 
+from functools import cache
 from itertools import product
 
 from common import draw, output_folder, plan, save, tell
@@ -30,6 +31,7 @@ shipped = load_problem('cessna152_turnback')  # takes off to the north and turns
 planner = Planner()
 
 
+@cache
 def turn_back(off: float, speed: float, side: int) -> Trajectory:
     """Return the flight on least height in a wind from an angle off the runway [rad]."""
     goes = RUNWAY + off + np.pi
@@ -51,7 +53,7 @@ def turn_back(off: float, speed: float, side: int) -> Trajectory:
 
 lost, strongest = {name: [] for name in CASES}, {}
 for (name, (off, side)), speed in product(CASES.items(), SPEEDS):
-    strongest[name] = flight = turn_back(np.radians(off), speed, side)
+    strongest[name] = flight = turn_back(np.radians(off if speed else 0), speed, side)
     lost[name].append(flight['z_e'][-1] - flight['z_e'][0])
     save(FOLDER / f'turnback_{name.replace(", ", "_").replace(" ", "_")}_{speed:g}.csv', flight)
 tell(

@@ -9,7 +9,7 @@ import yaml
 from flightdyn.planning import problem
 from flightdyn.planning.objective import parse_objective
 from flightdyn.planning.planner import Planner
-from flightdyn.vehicles import aero_buildup, aero_polar, aero_table, buoyancy, vehicle
+from flightdyn.vehicles import aero_direct, aero_polar, aero_table, buoyancy, vehicle
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / 'docs' / 'planning.md').read_text(encoding='utf-8')
@@ -41,7 +41,7 @@ def test_the_objective_is_one() -> None:
 @pytest.mark.parametrize(
     'keys',
     [
-        *(problem.KEYS, vehicle.KEYS, aero_polar.KEYS, aero_table.KEYS, aero_buildup.KEYS),
+        *(problem.KEYS, vehicle.KEYS, aero_polar.KEYS, aero_table.KEYS, aero_direct.KEYS),
         *(buoyancy.KEYS, *(known for known, _ in vehicle.PROPULSION.values())),
     ],
 )

@@ -10,7 +10,7 @@ from ..dynamics.base import G
 from ..dynamics.stage import KINEMATICS
 from ..errors import InputError
 from ..resources import find_config, list_configs
-from . import aero_buildup, aero_polar, aero_table, buoyancy, propeller, propulsion
+from . import aero_buildup, aero_direct, aero_polar, aero_table, buoyancy, propeller, propulsion
 from .aerodynamics import COEFFICIENTS, Aerodynamics
 from .definition import STEERED
 from .definition import Vehicle as Vehicle
@@ -28,7 +28,7 @@ KEYS = (
 AERODYNAMICS = {
     'polar': (aero_polar.KEYS, aero_polar.read_polar),
     'table': (aero_table.KEYS, aero_table.read_table_aerodynamics),
-    'buildup': (aero_buildup.KEYS, aero_buildup.read_buildup),
+    'buildup': (aero_direct.KEYS, aero_direct.read_buildup_or_direct),
     'balloon': (buoyancy.KEYS, buoyancy.read_balloon),
 }
 PROPULSION = {
