@@ -83,12 +83,15 @@ GOLDEN: dict[str, dict[str, Any]] = {
                 *('side wind, turning into it', 'side wind, turning with it'),
             )
         },
-        # the planner's own, with 40 intervals: what others there are to compare with have no wind
-        'height lost, 5 m/s headwind': approx(43.754, abs=0.1),
-        'height lost, 10 m/s headwind': approx(39.494, abs=0.1),
-        'height lost, 10 m/s tailwind': approx(40.691, abs=0.1),
-        'height lost, 10 m/s side wind, turning into it': approx(31.292, abs=0.1),
-        'height lost, 10 m/s side wind, turning with it': approx(60.434, abs=0.1),
+        # the planner's own, 40 and 120 intervals within 0.01 m: what others have is without wind
+        'height lost, 5 m/s headwind': approx(43.757, abs=0.05),
+        'height lost, 10 m/s headwind': approx(39.496, abs=0.05),
+        'height lost, 5 m/s tailwind': approx(43.298, abs=0.05),
+        'height lost, 10 m/s tailwind': approx(40.692, abs=0.05),
+        'height lost, 5 m/s side wind, turning into it': approx(38.657, abs=0.05),
+        'height lost, 10 m/s side wind, turning into it': approx(31.292, abs=0.05),
+        'height lost, 5 m/s side wind, turning with it': approx(52.778, abs=0.05),
+        'height lost, 10 m/s side wind, turning with it': approx(60.434, abs=0.05),
     },
     'helium_balloon': {
         # peer at tight tolerance: 95.993 km, 14.03 m, in its own atmosphere
