@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from .planning.solver import Iteration
+    from .vehicles.vehicle import Vehicle
 
 
 _LOG_HELP = 'flight log: MCAP, ROS bag, PX4 .ulg, ArduPilot .bin, .tlog, IGC, GPX, CSV'
@@ -101,7 +102,8 @@ def _parser() -> argparse.ArgumentParser:
     convert.add_argument('--source', metavar='TOPIC', help='convert this topic, not the best one')
 
     command('models', _models, 'List the Dynamics family.', config=False)
-    command('vehicles', _vehicles, 'List the configured vehicles.')
+    vehicles = command('vehicles', _vehicles, 'List the configured vehicles.')
+    vehicles.add_argument('vehicle', nargs='*', help='tell all about these only')
     return parser
 
 
@@ -368,27 +370,41 @@ def _models(arguments: argparse.Namespace) -> int:
 
 
 def _vehicles(arguments: argparse.Namespace) -> int:
-    from .vehicles.vehicle import list_vehicles
+    from .vehicles.vehicle import list_vehicles, load_vehicle
 
-    vehicles = list_vehicles(arguments.config_dir)
+    if arguments.vehicle:
+        vehicles = [load_vehicle(name, arguments.config_dir) for name in arguments.vehicle]
+    else:
+        vehicles = list_vehicles(arguments.config_dir)
     if arguments.json:
-        rows = [
-            {
-                'vehicle': v.name,
-                'model': v.model_name,
-                'mass': v.mass_props.mass,
-                'controls': list(v.model().controls),
-                'description': v.description,
-            }
-            for v in vehicles
-        ]
-        print(json.dumps(rows))
+        print(json.dumps([_vehicle_document(v) for v in vehicles]))
+    elif arguments.vehicle:
+        print('\n\n'.join(v.describe() for v in vehicles))
     else:
         _print_columns(
-            ('vehicle', 'model', 'description'),
-            [(v.name, v.model_name, v.description) for v in vehicles],
+            ('vehicle', 'model', 'fit error', 'description'),
+            [(v.name, v.model_name, _fit_error(v), v.description) for v in vehicles],
         )
     return 0
+
+
+def _vehicle_document(vehicle: 'Vehicle') -> dict[str, Any]:
+    return {
+        'vehicle': vehicle.name,
+        'model': vehicle.model_name,
+        'mass': vehicle.mass_props.mass,
+        'controls': list(vehicle.model().controls),
+        'rates': dict(vehicle.rates),
+        'fit_errors': {name: e._asdict() for name, e in vehicle.fit_errors.items()},
+        'description': vehicle.description,
+    }
+
+
+def _fit_error(vehicle: 'Vehicle') -> str:
+    """Return the largest errors of the lift and drag of a table."""
+    errors = {name: e for name, e in vehicle.fit_errors.items() if name in ('CL', 'CD')}
+    told = [f'{name} {e.largest:.1e}{" rel." * e.relative}' for name, e in errors.items()]
+    return ', '.join(told) or '-'
 
 
 def _print_table(rows: Sequence[tuple[str, str]]) -> None:

@@ -127,8 +127,21 @@ def test_models_lists_the_family(capsys: pytest.CaptureFixture[str]) -> None:
     rows = {row['class']: row for row in json.loads(capsys.readouterr().out)}
     assert rows['DynamicsRigidBody2DBody']['controls'] == ['Fx_b', 'Fz_b', 'My_b']
     assert main(['models']) == 0
+
+
+def test_vehicles_are_listed_with_the_errors_of_their_fits(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert main(['vehicles']) == 0
-    assert 'quadcopter' in capsys.readouterr().out
+    lines = {line.split()[0]: line for line in capsys.readouterr().out.splitlines()}
+    assert ' - ' in lines['quadcopter'] and 'CD 6.5e-04 rel.' in lines['cessna152']
+    assert main(['vehicles', 'cessna152', '--json']) == 0
+    (row,) = json.loads(capsys.readouterr().out)
+    assert row['fit_errors']['CD']['samples'] == 200 and row['rates'] == {}
+    assert main(['vehicles', 'rocket', 'balloon']) == 0
+    assert 'states z_e w_e mass' in capsys.readouterr().out
+    assert main(['vehicles', 'cesna152']) == 2
+    assert 'cessna152' in capsys.readouterr().err
 
 
 def test_unconverged_plan_exits_3_with_the_last_iterate_marked(
