@@ -59,10 +59,12 @@ def bounds(problem: Problem, layout: Layout) -> tuple[Array, Array]:
 
 
 def without_conditions(problem: Problem) -> Problem:
-    """Return a problem that asks for nothing, but to begin where it does."""
+    """Return a problem that asks for nothing, but to begin in the state that it does."""
+    states = problem.stage.states
+    initial = {name: bounds for name, bounds in problem.initial.items() if name in states}
     duration = (LEAST_DURATION * problem.duration[0], problem.duration[1] / LEAST_DURATION)
     if not problem.phases:
-        return replace(problem, final={}, path={}, duration=duration)
+        return replace(problem, initial=initial, final={}, path={}, duration=duration)
     phases = [
         replace(
             phase,
@@ -73,7 +75,7 @@ def without_conditions(problem: Problem) -> Problem:
         )
         for phase in problem.phases
     ]
-    return replace(problem, final={}, path={}, duration=duration, phases=phases)
+    return replace(problem, initial=initial, final={}, path={}, duration=duration, phases=phases)
 
 
 def soft_conditions(

@@ -8,7 +8,7 @@ from typing import Any
 from ..errors import ResultCode
 from .problem import Problem
 from .programme import Programmes
-from .refinement import first_mesh
+from .refinement import first_mesh, strategy_of
 from .remedies import missed, perturbed, softened, without_soft
 from .report import Plan
 from .run import Checked, Run
@@ -21,7 +21,7 @@ OTHER_GUESSES = 2
 MAX_TRIED = 150  # iterations of a remedy; those that help need far fewer
 REMEDIES = (
     'nearest flight',
-    'adaptive barrier',
+    'another barrier rule',
     *(f'another guess ({number + 1})' for number in range(OTHER_GUESSES)),
 )
 """What is tried in turn. The nearest flight is the one that comes as near to all conditions as it
@@ -102,7 +102,8 @@ def _remedied(run: Run, first: Checked, seed: int) -> tuple[Checked, list[dict[s
     nearest: Checked | None = None
 
     def barrier() -> Checked:
-        return run.solve(problem, mesh, strategy='adaptive', most_iterations=MAX_TRIED)
+        other = 'adaptive' if strategy_of(mesh) == 'monotone' else 'monotone'
+        return run.solve(problem, mesh, strategy=other, most_iterations=MAX_TRIED)
 
     def from_nearest() -> Checked:
         nonlocal missing, nearest

@@ -17,7 +17,7 @@ from .layout import Layout, Structure
 from .mesh import Mesh
 from .problem import Problem
 from .programme import Attempt, Programmes
-from .refinement import MAX_SUBSTEPS, finer, first_mesh, resampled
+from .refinement import MAX_SUBSTEPS, finer, first_mesh, resampled, strategy_of
 from .report import Plan, PlanReport, message_of, trajectory_of
 from .samples import Path, between, path
 from .solver import Multipliers, OnIteration
@@ -74,7 +74,7 @@ class Run:
         mesh: Mesh,
         start: Array | None = None,
         *,
-        strategy: str = 'monotone',
+        strategy: str | None = None,
         multipliers: Multipliers | None = None,
         structure: Structure | None = None,
         most_iterations: int | None = None,
@@ -87,6 +87,8 @@ class Run:
             This run's, or one made of it.
         start : (size,)
             Variables of the mesh's layout in SI units.
+        strategy : str
+            One of `solver.STRATEGIES`; the mesh's own unless given.
         structure : Structure
             The problem's on the mesh, unless given.
         most_iterations : int
@@ -100,7 +102,7 @@ class Run:
                 problem,
                 start,
                 max_wall_time=self.left,
-                strategy=strategy,
+                strategy=strategy or strategy_of(mesh),
                 multipliers=multipliers,
                 most_iterations=most_iterations,
                 on_iteration=self.on_iteration,

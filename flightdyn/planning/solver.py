@@ -26,8 +26,10 @@ OPTIONS: dict[str, Any] = {
 }
 STRATEGIES: dict[str, dict[str, Any]] = {
     'monotone': {},
-    'adaptive': {'ipopt.mu_strategy': 'adaptive'},
+    'adaptive': {'ipopt.mu_strategy': 'adaptive', 'ipopt.mu_oracle': 'probing'},
     'near': {
+        'ipopt.mu_strategy': 'adaptive',
+        'ipopt.mu_oracle': 'probing',
         'ipopt.mu_init': 1e-4,
         'ipopt.bound_mult_init_method': 'mu-based',
         'ipopt.bound_push': 1e-5,
@@ -44,8 +46,8 @@ STRATEGIES: dict[str, dict[str, Any]] = {
         'ipopt.warm_start_mult_bound_push': 1e-6,
     },
 }
-"""Ways of IPOPT: the barrier is lowered step by step, or as progress goes; from a solution's
-neighbourhood, multipliers included."""
+"""Ways of IPOPT: the barrier is lowered step by step, or as progress goes; from where another mesh
+left off; from a solution's neighbourhood, multipliers included."""
 
 RESULT_CODES = {
     'Solve_Succeeded': ResultCode.SUCCESS,

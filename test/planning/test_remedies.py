@@ -41,6 +41,16 @@ def test_what_is_too_far_is_named_with_what_can_be_reached(planner: Planner) -> 
     assert missed['value'] == pytest.approx(farthest.objective, abs=1e-3)
 
 
+def test_a_start_that_contradicts_itself_is_named(planner: Planner) -> None:
+    """In still air the speed over the ground and through the air are one."""
+    problem = load_problem('cessna152_turnback').with_changes(initial={'speed': (36.0, 36.0)})
+    report = planner.plan(problem).report
+    assert report.code == ResultCode.INFEASIBLE
+    (missed,) = report.missed
+    assert (missed['quantity'], missed['time']) == ('airspeed', 0.0)
+    assert missed['value'] == pytest.approx(36, abs=1e-3)
+
+
 def test_a_path_that_conflicts_is_named(planner: Planner) -> None:
     """Ten metres up within 3 m/s and 2 s: 6 m is what that gives."""
     report = planner.plan(
