@@ -177,6 +177,7 @@ def report_msg(report: PlanReport) -> Any:
         verification_names=list(report.verification),
         constraint_violation=float(report.constraint_violation),
         warnings=list(report.warnings),
+        remedies=list(report.remedies),
     )
     message.verification_errors = doubles(
         [to_message_unit(name, error) for name, error in report.verification.items()]
@@ -185,13 +186,16 @@ def report_msg(report: PlanReport) -> Any:
 
 
 def report_from_msg(message: Any, code: ResultCode) -> PlanReport:
-    """Return the report of a plan; the action's result has its code."""
+    """Return the report of a plan; the action's result has its code.
+
+    Arcs and missed conditions do not travel; the report's message tells of the latter.
+    """
     return PlanReport(
         code=code,
         **{
             name: getattr(message, name)
             for name in PlanReport.__dataclass_fields__
-            if name not in ('code', 'verification', 'warnings')
+            if name not in ('code', 'verification', 'warnings', 'remedies', 'arcs', 'missed')
         },
         verification={
             name: from_message_unit(name, error)
@@ -200,6 +204,7 @@ def report_from_msg(message: Any, code: ResultCode) -> PlanReport:
             )
         },
         warnings=list(message.warnings),
+        remedies=list(message.remedies),
     )
 
 

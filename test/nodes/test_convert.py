@@ -229,6 +229,7 @@ def test_report() -> None:
         verification={'x_e': 0.5, 'alpha': 180.0},
         constraint_violation=7,
         warnings=['w'],
+        remedies=['r'],
     )
     message = convert.report_msg(report)
     assert message.objective == 1.0
