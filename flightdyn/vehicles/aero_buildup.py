@@ -21,6 +21,7 @@ The geometry is in geometry axes (x aft, y right, z up), as is usual for drawing
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,13 +32,15 @@ from ..dynamics import OperatingPoint
 from ..environment.atmosphere import Atmosphere
 from ..errors import InputError, MissingExtraError
 from ..files import cache_folder
+from ..numpy import Vectorizable
 from ..tables import Table, write_table
-from .aero_table import CHECK, TableAerodynamics, fitted_file
+from .aero_table import CHECK, FLOWN, TableAerodynamics, fitted_file, read_box, similarity
 from .aerodynamics import SHARED_KEYS, read_shared
-from .fields import Context, Fields, in_degrees, named_bounds
+from .fields import Context, Fields, in_degrees
 from .surrogate import MARGIN
 
 Array = NDArray[_np.float64]
+Box = Mapping[str, tuple[float, float]]
 
 KEYS = (*SHARED_KEYS, 'box', 'nodes', 'reference_point')
 BOX = {
@@ -46,12 +49,13 @@ BOX = {
     'altitude': (-300.0, 3500.0),
 }
 """Default box: [deg], [m/s], [m]."""
-NODES = {'alpha': 33, 'airspeed': 13, 'altitude': 4, 'beta': 9}
-LOGARITHMIC = ('airspeed',)
+NODES = {'alpha': 49, 'reynolds': 17, 'mach': 4, 'beta': 9}
+"""Default numbers of nodes; by the grid itself drag is within 3e-4 for a light aircraft."""
+LOGARITHMIC = ('reynolds',)
 CHECKS = 200
 """Samples that are kept out of the fit."""
 LARGEST = 50_000  # samples; 0.5 ms each
-_DIGITS = 7  # of what is written: far below the fit's error
+_DIGITS = 6  # of what is written: far below the fit's error
 
 
 def read_buildup(fields: Fields, context: Context) -> TableAerodynamics:
@@ -68,43 +72,41 @@ def read_buildup(fields: Fields, context: Context) -> TableAerodynamics:
         If there are no samples of it yet, and AeroSandbox is not installed.
     """
     check_geometry(context.geometry, fields.at('geometry'))
-    box = _box(fields)
-    nodes = Fields(fields.values.get('nodes', {}), tuple(box), fields.at('nodes'))
-    counts = {name: int(nodes.positive(name, NODES[name])) for name in box}
+    box = read_box(fields, (*BOX, 'beta'), BOX)
+    shared = read_shared(fields, context)
+    axes = _ranges(box, shared['chord'])
+    nodes = Fields(fields.values.get('nodes', {}), tuple(axes), fields.at('nodes'))
+    counts = {name: int(nodes.positive(name, NODES[name])) for name in axes}
     if min(counts.values()) < 2 or _np.prod(list(counts.values())) > LARGEST:
         raise InputError(f'{nodes.where}: two or more each, {LARGEST} together, got {counts}')
     point = fields.vector('reference_point', [0, 0, 0])
-    path = sample_file(context.geometry, box, counts, point)
+    path = sample_file(context.geometry, box, counts, shared['chord'], point)
     return TableAerodynamics(
-        **read_shared(fields, context), **fitted_file(path, LOGARITHMIC, (), fields.where)
+        **shared,
+        **fitted_file(path, LOGARITHMIC, (), fields.where),
+        flown={name: box[name] for name in FLOWN},
     )
 
 
-def _box(fields: Fields) -> dict[str, tuple[float, float]]:
-    given = Fields(fields.values.get('box', {}), tuple(NODES), fields.at('box'))
-    box = {
-        **BOX,
-        **{
-            name: named_bounds(name, value, given.at(name)) for name, value in given.values.items()
-        },
-    }
-    for name, (lower, upper) in box.items():
-        if not lower < upper < float('inf') or lower == -float('inf'):
-            raise InputError(f'{given.at(name)}: expected a range, got [{lower:g}, {upper:g}]')
-    if box['airspeed'][0] <= 0:
-        raise InputError(f'{given.at("airspeed")}: must be positive')
-    return box
+def _ranges(box: Box, chord: float) -> dict[str, tuple[float, float]]:
+    """Return the ranges of the table's axes."""
+    reached = similarity(box['airspeed'], box['altitude'], chord)
+    own = {name: limits for name, limits in box.items() if name not in FLOWN}
+    return {'alpha': own.pop('alpha'), **reached, **own}
 
 
 def sample_file(
     geometry: Mapping[str, Any],
-    box: Mapping[str, tuple[float, float]],
+    box: Box,
     counts: Mapping[str, int],
+    chord: float,
     reference_point: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> Path:
     """Return a file of the coefficients of a geometry on a grid of Chebyshev points.
 
-    Some samples between are kept out of the grid, to check against.
+    The grid is over Reynolds and Mach number, which AeroBuildup knows speed and air by alone:
+    over these, coefficients are sums of half as many terms as over airspeed and altitude. Some
+    samples anywhere in the box are kept out of the grid, to check against.
 
     Parameters
     ----------
@@ -114,6 +116,9 @@ def sample_file(
         alpha [deg], airspeed [m/s], altitude [m] and perhaps beta [deg]: where the fit is to be
         exact. The grid reaches over it by the margin in which inputs are bent.
     counts : mapping of axis to number of nodes
+        alpha, reynolds, mach and perhaps beta.
+    chord : float [m]
+        That Reynolds numbers are of.
     reference_point : x, y, z [m]
         What moments are about, geometry axes.
 
@@ -122,12 +127,12 @@ def sample_file(
     path
         Of a table as `aero_table.fit_table` takes it; made if there is none yet.
     """
-    key = json.dumps([geometry, box, counts, list(reference_point), CHECKS], sort_keys=True)
+    key = json.dumps([geometry, box, counts, chord, list(reference_point), CHECKS], sort_keys=True)
     name = hashlib.sha256(key.encode()).hexdigest()[:20]
     path = cache_folder() / f'aero-{name}.csv'
     if path.is_file():
         return path
-    table = _sample(geometry, box, counts, reference_point)
+    table = _sample(geometry, box, counts, chord, reference_point)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -136,23 +141,40 @@ def sample_file(
     return path
 
 
+@dataclass(frozen=True, eq=False)
+class _Air(Atmosphere):
+    """Air of a viscosity of its own [Pa s], so that Reynolds and Mach number can be chosen."""
+
+    viscosity: Vectorizable = 0.0
+
+    def dynamic_viscosity(self) -> Vectorizable:
+        return self.viscosity
+
+
 def _sample(
     geometry: Mapping[str, Any],
-    box: Mapping[str, tuple[float, float]],
+    box: Box,
     counts: Mapping[str, int],
+    chord: float,
     reference_point: Sequence[float],
 ) -> Table:
-    plane = airplane(geometry)
-    axes = {name: _points(name, *box[name], counts[name]) for name in box}
+    plane, ranges = airplane(geometry), _ranges(box, chord)
+    axes = {name: _points(name, *ranges[name], n) for name, n in counts.items()}
     mesh = [part.ravel() for part in _np.meshgrid(*axes.values(), indexing='ij')]
     rng = _np.random.default_rng(152)
+    at = {name: rng.uniform(*limits, CHECKS) for name, limits in box.items()}
+    flow = OperatingPoint(Atmosphere(at['altitude']), velocity=at['airspeed'])
+    at |= {'reynolds': flow.reynolds(chord), 'mach': flow.mach()}
     points = {
-        name: _rounded(_np.concatenate((part, rng.uniform(*box[name], CHECKS))))
+        name: _rounded(_np.concatenate((part, at[name])))
         for name, part in zip(axes, mesh, strict=True)
     }
+    standard = Atmosphere()
+    speed = points['mach'] * standard.speed_of_sound()
+    viscosity = standard.density() * speed * chord / points['reynolds']
     air = OperatingPoint(
-        Atmosphere(points['altitude']),
-        velocity=points['airspeed'],
+        _Air(_np.zeros_like(speed), viscosity=viscosity),
+        velocity=speed,
         alpha=points['alpha'],
         beta=points.get('beta', 0.0),
     )

@@ -11,19 +11,24 @@ import numpy as _np
 from numpy.typing import NDArray
 
 from ..config import load_yaml, number, suggestion
-from ..dynamics import Dynamics
+from ..dynamics import Dynamics, OperatingPoint
+from ..environment.atmosphere import Atmosphere
 from ..errors import InputError
 from ..numpy import Vectorizable
 from ..tables import Table, read_table
 from .aerodynamics import COEFFICIENTS, SHARED_KEYS, Coefficients, Values, read_shared
-from .fields import Context, Fields
+from .fields import Context, Fields, named_bounds
 from .surrogate import Axis, Surrogate, evaluated
 
 Array = NDArray[_np.float64]
 
-KEYS = (*SHARED_KEYS, 'file', 'logarithmic')
+KEYS = (*SHARED_KEYS, 'file', 'logarithmic', 'box')
 AXES = ('alpha', 'beta', 'airspeed', 'mach', 'reynolds', 'altitude')
 """What a table can be over, beside controls: [deg], [m/s], of the chord, [m]."""
+SIMILARITY = ('reynolds', 'mach')
+"""Axes that airspeed and altitude are known by; coefficients are simpler over these."""
+FLOWN = ('airspeed', 'altitude')
+"""What a box is given in where a table is over Reynolds and Mach number."""
 CHECK = 'check'
 """Column that is 1 in rows that are kept out of the fit and compared with it."""
 
@@ -55,11 +60,14 @@ class TableAerodynamics(Coefficients):
     fits : mapping of coefficient to Surrogate
         All over the same axes.
     errors : mapping of coefficient to FitError
+    flown : mapping of airspeed [m/s] and altitude [m] to (lower, upper)
+        Where to fly, in place of the ranges of Reynolds and Mach number; none to keep to these.
     """
 
     digest: str
     fits: Mapping[str, Surrogate] = field(repr=False, compare=False)
     errors: Mapping[str, FitError] = field(repr=False, compare=False)
+    flown: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -69,7 +77,9 @@ class TableAerodynamics(Coefficients):
     @property
     def box(self) -> dict[str, tuple[float, float]]:
         """Range of each axis in which the table is taken as it is; beyond it ends smoothly."""
-        return {axis.name: axis.box for axis in self.axes if len(axis.nodes) > 1}
+        named = SIMILARITY if self.flown else ()
+        own = {a.name: a.box for a in self.axes if len(a.nodes) > 1 and a.name not in named}
+        return {**own, **self.flown}
 
     @property
     def uses(self) -> tuple[str, ...]:
@@ -96,8 +106,8 @@ class TableAerodynamics(Coefficients):
     def attach(self, dyn: Dynamics, controls: Values) -> dict[str, Vectorizable]:
         """Add the forces, and moments to rigid bodies; return also what the table is over."""
         inputs = self._inputs(dyn, controls)
-        over = {axis.name: inputs[axis.name] for axis in self.axes}
-        known = {name: over[name] for name in ('altitude', 'mach', 'reynolds') if name in over}
+        over = {axis.name for axis in self.axes} | set(self.flown)
+        known = {name: inputs[name] for name in ('altitude', *SIMILARITY) if name in over}
         return super().attach(dyn, controls) | known
 
     def describe(self) -> list[str]:
@@ -130,10 +140,75 @@ def read_table_aerodynamics(fields: Fields, context: Context) -> TableAerodynami
     if not isinstance(logarithmic, list) or not all(isinstance(n, str) for n in logarithmic):
         raise InputError(f'{fields.at("logarithmic")}: expected names of axes in a list')
     path = context.folder / name
-    return TableAerodynamics(
+    found = TableAerodynamics(
         **read_shared(fields, context),
         **fitted_file(path, tuple(logarithmic), tuple(context.controls), str(path)),
+        flown=read_box(fields, FLOWN),
     )
+    if found.flown:
+        _check_flown(found, fields.at('box'))
+    return found
+
+
+def read_box(
+    fields: Fields, known: Sequence[str], default: Mapping[str, tuple[float, float]] | None = None
+) -> dict[str, tuple[float, float]]:
+    """Return the ranges by name under `box`, with default ones for those that are not given.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, a range is none, or the airspeed is not positive.
+    """
+    given = Fields(fields.values.get('box', {}), tuple(known), fields.at('box'))
+    ranges = {name: named_bounds(name, v, given.at(name)) for name, v in given.values.items()}
+    box = {**(default or {}), **ranges}
+    for name, (lower, upper) in box.items():
+        if not lower < upper < float('inf') or lower == -float('inf'):
+            raise InputError(f'{given.at(name)}: expected a range, got [{lower:g}, {upper:g}]')
+    if 'airspeed' in box and box['airspeed'][0] <= 0:
+        raise InputError(f'{given.at("airspeed")}: must be positive')
+    return box
+
+
+def similarity(
+    airspeed: tuple[float, float], altitude: tuple[float, float], chord: float
+) -> dict[str, tuple[float, float]]:
+    """Return the ranges of Reynolds and Mach number in the standard atmosphere.
+
+    Parameters
+    ----------
+    airspeed : lower, upper [m/s]
+    altitude : lower, upper [m]
+    chord : float [m]
+    """
+    # not at the ends alone: the speed of sound falls, stays and rises with altitude
+    air = Atmosphere(_np.linspace(*altitude, 101))
+    points = [OperatingPoint(air, velocity=speed) for speed in airspeed]
+    values = [[point.reynolds(chord) for point in points], [point.mach() for point in points]]
+    return {
+        name: (float(_np.min(each)), float(_np.max(each)))
+        for name, each in zip(SIMILARITY, values, strict=True)
+    }
+
+
+def _check_flown(found: TableAerodynamics, where: str) -> None:
+    """Refuse a box of airspeed and altitude that the table's axes do not reach over."""
+    axes = {axis.name: axis for axis in found.axes if len(axis.nodes) > 1}
+    if set(found.flown) != set(FLOWN) or not set(SIMILARITY) & set(axes):
+        raise InputError(
+            f'{where}: needs airspeed and altitude, and a table over reynolds or mach; '
+            'other axes bring their own'
+        )
+    for name, (lower, upper) in similarity(**found.flown, chord=found.chord).items():
+        if name in axes:
+            least, most = axes[name].box
+            slack = 1e-5 * (most - least)  # for digits written
+            if lower < least - slack or upper > most + slack:
+                raise InputError(
+                    f'{where}: {name} {lower:.6g} to {upper:.6g} there; '
+                    f'the table has {least:.6g} to {most:.6g}'
+                )
 
 
 def fitted_file(

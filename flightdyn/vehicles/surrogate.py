@@ -23,7 +23,7 @@ Array = NDArray[_np.float64]
 MARGIN = 0.01
 """Part of an axis at either end in which an input is already bent towards the end."""
 
-_NEGLIGIBLE = 2e-5  # coefficients left out, as a part of the largest value
+_NEGLIGIBLE = 3e-7  # coefficients left out, as a part of the largest value
 _SPLINE_FROM = 4  # nodes; through fewer goes one polynomial
 
 
@@ -190,7 +190,7 @@ class Surrogate:
 
         Of values that are all positive the logarithm is fitted: errors are then relative, and the
         function stays positive. Coefficients are left out, the smallest first, that are not worth
-        their arithmetic; that moves the values by some 1e-4 at most.
+        their arithmetic; that moves the values by some 1e-5 at most.
         """
         logarithmic = bool(_np.all(values > 0))
         tensor = _np.log(values) if logarithmic else values

@@ -15,7 +15,10 @@ ROOT = Path(__file__).parents[2]
 TEXT = (
     (ROOT / 'config' / 'vehicles' / 'cessna152.yaml')
     .read_text(encoding='utf-8')
-    .replace('kind: table\n  file: cessna152_aero.csv\n  logarithmic: [airspeed]', 'kind: buildup')
+    .replace('kind: table\n  file: cessna152_aero.csv\n  logarithmic: [reynolds]', 'kind: buildup')
+    .replace(
+        '  box: {airspeed: [15, 75], altitude: [-300, 3500]}  # m/s, m: within its axes\n', ''
+    )
     .replace('  area:', '  direct: true\n  area:')
 )
 

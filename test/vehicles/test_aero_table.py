@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from vehicle_making import check_first_derivatives, derivatives, evaluated, vehicle_of
 
-from flightdyn.dynamics import DynamicsPointMass2DSpeedGamma
+from flightdyn.dynamics import DynamicsPointMass2DSpeedGamma, OperatingPoint
+from flightdyn.environment.atmosphere import Atmosphere
 from flightdyn.errors import InputError
 from flightdyn.tables import read_table, write_table
-from flightdyn.vehicles.aero_table import TableAerodynamics
+from flightdyn.vehicles.aero_table import TableAerodynamics, similarity
 from flightdyn.vehicles.vehicle import load_vehicle
 
 GOLDEN = Path(__file__).parents[1] / 'data' / 'golden'
@@ -43,16 +44,16 @@ def polar(alpha: Any, speed: Any, altitude: Any = 0.0, name: str = 'cessna152') 
 def test_the_cessnas_polar_is_aerobuildups() -> None:
     golden = json.loads((GOLDEN / 'cessna_polar.json').read_text())
     found = polar(golden['alpha'], golden['velocity'])
-    # 1e-3 is what the surrogate promises of drag; lift is fitted to 5e-4
-    np.testing.assert_allclose(found['CD'], golden['CD'], rtol=1e-3)
-    np.testing.assert_allclose(found['CL'], golden['CL'], atol=1e-3)
+    # 2.1e-4 of drag by the fit, and 1.1e-4 and 7e-5 by AeroSandbox's own atmosphere
+    np.testing.assert_allclose(found['CD'], golden['CD'], rtol=3.5e-4)
+    np.testing.assert_allclose(found['CL'], golden['CL'], atol=2e-4)
     alpha = np.linspace(-5, 15, 4001)
     found = polar(alpha, golden['velocity'])
     best = np.argmax(found['glide'])
-    assert found['glide'][best] == pytest.approx(golden['best_glide_ratio'], rel=1e-3)
-    # the maximum is flat: 1e-3 of the ratio is 0.1 degrees
-    assert alpha[best] == pytest.approx(golden['alpha_best'], abs=0.1)
-    assert found['CL'].max() == pytest.approx(golden['CL_max'], abs=1e-3)
+    assert found['glide'][best] == pytest.approx(golden['best_glide_ratio'], rel=1e-4)
+    # the maximum is flat: 1e-4 of the ratio is 0.04 degrees
+    assert alpha[best] == pytest.approx(golden['alpha_best'], abs=0.04)
+    assert found['CL'].max() == pytest.approx(golden['CL_max'], abs=2e-4)
     assert alpha[np.argmax(found['CL'])] == 15
 
 
@@ -60,15 +61,15 @@ def test_the_cessna_is_aerobuildups_at_other_speeds_and_altitudes() -> None:
     rows = np.array(json.loads((GOLDEN / 'cessna_grid.json').read_text())['rows']).T
     alpha, speed, altitude, lift, drag = rows
     found = polar(alpha, speed, altitude)
-    np.testing.assert_allclose(found['CD'], drag, rtol=1.2e-3)  # and 2e-4 by the atmosphere
-    np.testing.assert_allclose(found['CL'], lift, atol=1e-3)
+    np.testing.assert_allclose(found['CD'], drag, rtol=5e-4)  # 2e-4 of it by the atmosphere
+    np.testing.assert_allclose(found['CL'], lift, atol=2e-4)
 
 
 def test_the_cessnas_fit_is_known_and_good() -> None:
     errors = cessna().errors
-    assert errors['CD'].relative and errors['CD'].largest < 1e-3
-    assert errors['CD'].rms < 3e-4
-    assert not errors['CL'].relative and errors['CL'].largest < 1e-3
+    assert errors['CD'].relative and errors['CD'].largest < 3e-4
+    assert errors['CD'].rms < 6e-5
+    assert not errors['CL'].relative and errors['CL'].largest < 6e-5
     assert errors['CL'].samples == 200
     assert 'CD: relative error at most' in load_vehicle('cessna152').describe()
 
@@ -82,6 +83,47 @@ def test_the_cessnas_box_is_round() -> None:
         'altitude': (-300, 3500),
     }.items():
         assert box[name] == pytest.approx(expected, rel=1e-5)
+
+
+def test_the_stage_knows_what_the_table_is_over() -> None:
+    _, air = evaluated(
+        load_vehicle('cessna152').model().stage(), speed=36.0, alpha=3.0, z_e=-500.0
+    )
+    here = OperatingPoint(Atmosphere(500.0), velocity=36.0)
+    assert air['mach'] == pytest.approx(here.mach())
+    assert air['reynolds'] == pytest.approx(here.reynolds(1.500045))
+    assert air['altitude'] == pytest.approx(500.0)
+
+
+def test_similarity_covers_a_box_of_airspeed_and_altitude() -> None:
+    # slowest and highest, fastest and lowest; the speed of sound is least from 11 to 20 km
+    reached = similarity((10.0, 20.0), (0.0, 25_000.0), chord=2.0)
+    slow = OperatingPoint(Atmosphere(25_000.0), velocity=10.0)
+    fast = OperatingPoint(Atmosphere(0.0), velocity=20.0)
+    assert reached['reynolds'] == pytest.approx((slow.reynolds(2.0), fast.reynolds(2.0)))
+    cold = OperatingPoint(Atmosphere(15_000.0), velocity=20.0)
+    warm = OperatingPoint(Atmosphere(0.0), velocity=10.0)
+    # 1e-4: the differentiable atmosphere is 0.09 K off at the corner
+    assert reached['mach'] == pytest.approx((warm.mach(), cold.mach()), rel=1e-4)
+
+
+def test_a_box_takes_the_place_of_reynolds_and_mach_number(tmp_path: Path) -> None:
+    rows = np.array([(m, c) for m in (0.0, 0.2, 0.4, 0.6) for c in (-5, 0, 5, 10)])
+    columns = {'mach': rows[:, 0], 'alpha': rows[:, 1], 'CL': rows[:, 1], 'CD': 1 + rows[:, 0]}
+    text = PLAIN.replace('span: 4', 'span: 4, box: {airspeed: [10, 150], altitude: [0, 3000]}')
+    box = made(tmp_path, text, **columns).box
+    assert set(box) == {'alpha', 'airspeed', 'altitude'}
+    assert (box['airspeed'], box['altitude']) == ((10, 150), (0, 3000))
+    for old, new, message in (
+        ('150', '250', r'box: mach 0.0\d+ to 0.7\d+ there; the table has 0.006 to 0.594'),
+        ('[10,', '[0,', 'box: airspeed: must be positive'),
+        ('airspeed', 'airsped', "unknown 'airsped', did you mean 'airspeed'"),
+        (', altitude: [0, 3000]', '', 'needs airspeed and altitude'),
+    ):
+        with pytest.raises(InputError, match=message):
+            made(tmp_path, text.replace(old, new), **columns)
+    with pytest.raises(InputError, match='other axes bring their own'):
+        made(tmp_path, text, alpha=[0, 1], CL=[0, 1], CD=[1, 1])
 
 
 def test_the_calibrated_cessna_glides_nine_to_one() -> None:
@@ -306,5 +348,5 @@ def test_what_is_missing_is_named(tmp_path: Path) -> None:
 
 def test_the_shipped_table_is_of_moderate_size() -> None:
     path = Path(__file__).parents[2] / 'config' / 'vehicles' / 'cessna152_aero.csv'
-    assert path.stat().st_size < 150_000
+    assert path.stat().st_size < 300_000
     assert sum(read_table(path)[0]['check']) == 200
