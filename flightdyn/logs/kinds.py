@@ -5,10 +5,12 @@ Kinds in the order in which replay prefers them in a foreign log:
 1. `gnss`: a receiver's message with position and velocity (PX4 SensorGps, u-blox NAV-PVT,
    GPSFix);
 2. `fix`: NavSatFix, LocationFix (with the velocity of a companion topic, if one agrees);
-3. `gps_raw`: mavros GPSRAW, 4. `nmea`: a receiver's message without vertical velocity;
-5. `global`: an estimator's position on earth, which goes wrong with the estimator (PX4
-   VehicleGlobalPosition);
-6. `odometry`: Odometry, 7. `local`: PX4 VehicleLocalPosition: metres from some origin;
+3. `global`: an estimator's position on earth, which goes wrong with the estimator (PX4
+   VehicleGlobalPosition, MAVLink GLOBAL_POSITION_INT);
+4. `gps_raw`: mavros GPSRAW, MAVLink GPS_RAW_INT and GPS2_RAW, 5. `nmea`: a receiver's message
+   without vertical velocity;
+6. `odometry`: Odometry, 7. `local`: PX4 VehicleLocalPosition, MAVLink LOCAL_POSITION_NED: metres
+   from some origin;
 8. `vehicle_state`: flightdyn's own.
 
 In flightdyn's own recordings Odometry comes first (it has velocity and attitude), then
@@ -36,14 +38,14 @@ from .measurements import (
 )
 from .timeline import Rows
 
-ORDER = ('gnss', 'fix', 'gps_raw', 'nmea', 'global', 'odometry', 'local', 'vehicle_state')
+ORDER = ('gnss', 'fix', 'global', 'gps_raw', 'nmea', 'odometry', 'local', 'vehicle_state')
 OWN_ORDER = ('odometry', 'vehicle_state', *ORDER[:5], 'local')
 
 USABLE = (
     'sensor_msgs/NavSatFix, nav_msgs/Odometry, flightdyn_msgs/VehicleState, gps_msgs/GPSFix, '
     'ublox_msgs/NavPVT, mavros_msgs/GPSRAW, nmea_msgs/Sentence (ROS 1 or 2), '
     'foxglove.LocationFix (CDR, JSON, protobuf), PX4 GPS, global and local position (px4_msgs, '
-    'ulog2mcap)'
+    'ulog2mcap), MAVLink (mavros_msgs/Mavlink, JSON of mavlink-server)'
 )
 
 

@@ -1,12 +1,16 @@
 """Position sources of a log: which there are, and the track that one of them measured.
 
 What a topic holds is told by its schema and the fields in it, not by the topic's name. Of several
-usable sources the kind decides, in the order of `kinds`; among equals the one with more messages,
-then the topic first in the alphabet. Positions of several sources are never merged; where a
-position on earth comes without velocity, that of a topic beside it that agrees is taken, see
-`companions`.
+usable sources the kind decides, in the order of `kinds`. Among equals what is in a name space
+`raw` comes after the same message from the name space above it, which is the estimator's, unless
+that has less than half as many (mavros: `global_position/global` before
+`global_position/raw/fix`); then the one with more messages, then the topic first in the alphabet.
+Of MAVLink's senders autopilots come before other components, and ground stations after all.
+Positions of several sources are never merged; where a position on earth comes without velocity,
+that of a topic beside it that agrees is taken, see `companions`.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -16,7 +20,7 @@ import numpy as np
 
 from ..environment.geodesy import GeodeticPoint
 from ..errors import InputError, LogError
-from . import location_fix
+from . import location_fix, mavlink, mavlink_topics
 from .choosing import check_range, choose_samples, first_usable
 from .companions import is_velocity, with_companion_velocity
 from .decoders import decodable, decoded_columns
@@ -30,6 +34,7 @@ from .kinds import (
     kind_named,
     kind_of,
 )
+from .mavlink_topics import Sender
 from .mcap_container import McapFile, Schema
 from .measurements import Measured, with_checked_velocity
 from .timeline import Rows, choose_clock
@@ -59,6 +64,10 @@ class Source:
         Why it is not usable.
     channels : tuple of int
         Ids of its channels in the file.
+    sender : Sender or None
+        Whose messages of the topic these are, where it holds those of several MAVLink systems.
+    standing : int
+        A source of less standing comes after all others, whatever its kind.
     """
 
     topic: str
@@ -70,11 +79,14 @@ class Source:
     rank: int = -1
     note: str = ''
     channels: tuple[int, ...] = ()
+    sender: Sender | None = None
+    standing: int = 0
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything but the channel ids, for JSON."""
+        """Return what is of use outside this program, for JSON."""
         values = asdict(self)
-        del values['channels']
+        for name in ('channels', 'sender', 'standing'):
+            del values[name]
         return values
 
 
@@ -99,13 +111,88 @@ def list_sources(log: McapFile | str | Path) -> list[Source]:
         grouped.setdefault(key, []).append(channel.id)
     found = [_describe(log, *key, tuple(ids)) for key, ids in grouped.items()]
     order = OWN_ORDER if log.metadata_record(METADATA_NAME) else ORDER
+    return ranked(_with_senders(log, found), order)
 
-    def place(source: Source) -> tuple[bool, int, int, str]:
-        kind = order.index(source.kind) if source.usable else len(order)
-        return (not source.usable, kind, -source.messages if source.usable else 0, source.topic)
 
-    found.sort(key=place)
+def ranked(sources: Sequence[Source], order: Sequence[str] = ORDER) -> list[Source]:
+    """Return sources in the order in which they are preferred, with their ranks."""
+    usable = [source for source in sources if source.usable]
+
+    def place(source: Source) -> tuple[bool, int, int, bool, int, str]:
+        if not source.usable:
+            return (True, 0, 0, False, 0, source.topic)
+        kind, raw = order.index(source.kind), _raw_beside_fused(source, usable)
+        return (False, source.standing, kind, raw, -source.messages, source.topic)
+
+    found = sorted(sources, key=place)
     return [replace(s, rank=i if s.usable else -1) for i, s in enumerate(found)]
+
+
+def _raw_beside_fused(source: Source, others: Sequence[Source]) -> bool:
+    """Return whether a source is in a name space `raw` and one like it is in that above."""
+    above, raw, _ = source.topic.rpartition('/raw/')
+    return bool(raw) and any(
+        other.schema == source.schema
+        and other.topic.rpartition('/')[0] == above
+        and 2 * other.messages >= source.messages
+        for other in others
+    )
+
+
+def _with_senders(log: McapFile, found: Sequence[Source]) -> list[Source]:
+    """Return the sources, and those of each MAVLink system in topics that hold several."""
+    frames, texts = [], []
+    for source in found:
+        schema = log.schemas.get(log.channels[source.channels[0]].schema_id)
+        if schema is None or source.kind:
+            continue
+        if mavlink_topics.holds_frames(schema, source.encoding):
+            frames.append(source)
+        elif mavlink_topics.may_hold_json(schema, source.encoding):
+            texts.append(source)
+    read: dict[str, Counter[Sender]] = {}
+    failed: dict[str, str] = {}
+    try:
+        by_channel = mavlink_topics.json_senders(log, [key for s in texts for key in s.channels])
+        for source in texts:
+            for key in source.channels:
+                read.setdefault(source.topic, Counter()).update(by_channel.get(key, {}))
+        for source in frames:
+            read[source.topic] = mavlink_topics.frame_senders(log, source.channels)
+    except LogError as error:  # what is in the log is told even if it is damaged
+        failed = {source.topic: str(error) for source in (*frames, *texts)}
+    sources: list[Source] = []
+    for source in found:
+        if source in frames or source in texts:
+            source = replace(source, note=failed.get(source.topic, source.note))
+            senders = read.get(source.topic, Counter())
+            sources += _split(source, senders, is_frames=source.topic in {f.topic for f in frames})
+        else:
+            sources.append(source)
+    return sources
+
+
+def _split(source: Source, senders: Counter[Sender], *, is_frames: bool) -> list[Source]:
+    parts = [
+        replace(
+            source,
+            topic=f'{source.topic}/{sender}',
+            kind=sender.message.kind,
+            messages=count,
+            usable=True,
+            note='',
+            sender=sender,
+            standing=mavlink.standing(sender.system, sender.component),
+        )
+        for sender, count in senders.most_common(mavlink_topics.MAX_SENDERS)
+    ]
+    if not is_frames and len(parts) == 1 and parts[0].messages == source.messages:
+        return [replace(parts[0], topic=source.topic)]
+    if parts:
+        source = replace(source, note='MAVLink: each system and message is a source of its own')
+    elif is_frames:
+        source = replace(source, note='MAVLink without a message of position')
+    return [*parts, source]
 
 
 def _describe(
@@ -184,7 +271,7 @@ def read_track(
 
 
 def _named(log: McapFile, known: Sequence[Source], topic: str) -> list[Source]:
-    named = [s for s in known if s.topic == topic]
+    named = [s for s in known if s.topic == topic or (s.sender and _holds(log, s, topic))]
     if not named:
         raise LogError(f"{log.path}: no topic '{topic}'. Topics: {_topics(known)}")
     usable = [s for s in named if s.usable]
@@ -194,6 +281,10 @@ def _named(log: McapFile, known: Sequence[Source], topic: str) -> list[Source]:
             f'{named[0].note}. Topics: {_topics(known)}. Usable would be: {USABLE}'
         )
     return usable
+
+
+def _holds(log: McapFile, source: Source, topic: str) -> bool:
+    return any(log.channels[key].topic == topic for key in source.channels)
 
 
 def _topics(known: Sequence[Source]) -> str:
@@ -221,10 +312,14 @@ def track_of(
     warnings = [*log.warnings, *notes]
     schema = log.schemas[log.channels[source.channels[0]].schema_id]
     kind = _kind_of(schema, source.encoding)
-    assert kind is not None
-    if location_fix.readable(schema, source.encoding):
+    measure = source.sender.message.measure if source.sender else kind.measure if kind else None
+    assert measure is not None
+    if source.sender:
+        columns = mavlink_topics.read_columns(log, source.channels, source.sender, warnings)
+    elif location_fix.readable(schema, source.encoding):
         columns = location_fix.read_columns(log, source.channels)
     else:
+        assert kind is not None
         fields = fields_of(kind, schema, source.encoding)
         columns = decoded_columns(log, source.channels, fields)
         if not schema.data.strip():
@@ -233,7 +328,7 @@ def track_of(
     for code, why in enumerate(columns.fault_names):
         if code:
             rows.drop(columns.fault == code, why)
-    measured = kind.measure(columns, rows, warnings)
+    measured = measure(columns, rows, warnings)
     time = choose_clock(measured.stamp, columns.log_time, rows, warnings)
     index, segment, chosen = choose_samples(
         log.path, source, time, rows, [measured.epoch], (start, end), warnings
