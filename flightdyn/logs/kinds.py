@@ -4,7 +4,8 @@ Kinds in the order in which replay prefers them in a foreign log:
 
 1. `gnss`: a receiver's message with position and velocity (PX4 SensorGps, u-blox NAV-PVT,
    GPSFix);
-2. `fix`: NavSatFix, LocationFix (with the velocity of a companion topic, if one agrees);
+2. `fix`: NavSatFix, LocationFix, LocationFixes (with the velocity of a companion topic, if one
+   agrees);
 3. `global`: an estimator's position on earth, which goes wrong with the estimator (PX4
    VehicleGlobalPosition, MAVLink GLOBAL_POSITION_INT);
 4. `gps_raw`: mavros GPSRAW, MAVLink GPS_RAW_INT and GPS2_RAW, 5. `nmea`: a receiver's message
@@ -21,7 +22,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ..errors import LogError
-from . import gnss, nmea, px4
+from . import gnss, location_fix, nmea, px4
 from .decoders import decodable, decoder_of, field_names
 from .definitions import full_name
 from .mcap_columns import Columns
@@ -44,7 +45,8 @@ OWN_ORDER = ('odometry', 'vehicle_state', *ORDER[:5], 'local')
 USABLE = (
     'sensor_msgs/NavSatFix, nav_msgs/Odometry, flightdyn_msgs/VehicleState, gps_msgs/GPSFix, '
     'ublox_msgs/NavPVT, mavros_msgs/GPSRAW, nmea_msgs/Sentence (ROS 1 or 2), '
-    'foxglove.LocationFix (CDR, JSON, protobuf), PX4 GPS, global and local position (px4_msgs, '
+    'foxglove.LocationFix and LocationFixes (CDR, JSON, protobuf, flatbuffer), PX4 GPS, global '
+    'and local position (px4_msgs, '
     'ulog2mcap), MAVLink (mavros_msgs/Mavlink, JSON of mavlink-server)'
 )
 
@@ -71,7 +73,12 @@ class Kind:
     optional: tuple[str, ...] = ()
 
 
-LOCATION_FIX = Kind('fix', (LOCATION_FIX_FIELDS,), fix_measurements)
+LOCATION_FIXES = Kind('fix', (), location_fix.measurements)
+"""LocationFix and LocationFixes that are no plain columns."""
+
+_LOCATION_FIX = Kind(
+    'fix', (LOCATION_FIX_FIELDS,), fix_measurements, ('velocity_x', 'velocity_y', 'velocity_z')
+)
 _PX4_GPS = Kind('gnss', px4.GPS_FIELDS, px4.gps_measurements, px4.GPS_OPTIONAL)
 _PX4_GLOBAL = Kind('global', px4.GLOBAL_FIELDS, px4.global_measurements, px4.GLOBAL_OPTIONAL)
 _PX4_LOCAL = Kind('local', px4.LOCAL_FIELDS, px4.local_measurements, px4.LOCAL_OPTIONAL)
@@ -80,8 +87,10 @@ _NAV_PVT = Kind('gnss', gnss.NAV_PVT_FIELDS, gnss.nav_pvt_measurements, gnss.NAV
 
 _KINDS = {
     'sensor_msgs/msg/NavSatFix': Kind('fix', (FIX_FIELDS,), fix_measurements),
-    'foxglove_msgs/msg/LocationFix': LOCATION_FIX,
-    'foxglove.LocationFix': LOCATION_FIX,
+    'foxglove_msgs/msg/LocationFix': _LOCATION_FIX,
+    'foxglove.LocationFix': _LOCATION_FIX,
+    'foxglove_msgs/msg/LocationFixes': LOCATION_FIXES,
+    'foxglove.LocationFixes': LOCATION_FIXES,
     'nav_msgs/msg/Odometry': Kind('odometry', (ODOMETRY_FIELDS,), odometry_measurements),
     'flightdyn_msgs/msg/VehicleState': Kind(
         'vehicle_state', (VEHICLE_STATE_FIELDS,), vehicle_state_measurements

@@ -128,11 +128,17 @@ def fix_measurements(columns: Columns, rows: Rows, warnings: list[str]) -> Measu
     std = _std(_swap_covariance(covariance, frames.ned_from_enu))
     std[columns['position_covariance_type'] == 0] = np.nan
     prefix = 'header.stamp' if 'header.stamp.sec' in columns.values else 'timestamp'
+    velocity = None
+    if 'velocity_x' in columns.values:
+        enu = _vector(columns, [f'velocity_{axis}' for axis in 'xyz'])
+        velocity = _apply(frames.ned_from_enu, enu)
+        velocity[~np.isfinite(velocity).all(axis=1)] = np.nan
     return Measured(
         stamp=stamp_ns(columns, prefix),
         lat=lat,
         lon=lon,
         altitude=altitude,
+        velocity_ned=velocity if velocity is not None and np.isfinite(velocity).any() else None,
         position_std=std if np.isfinite(std).any() else None,
     )
 

@@ -25,7 +25,7 @@ from .choosing import check_range, choose_samples, first_usable
 from .companions import is_velocity, with_companion_velocity
 from .decoders import decodable, decoded_columns
 from .kinds import (
-    LOCATION_FIX,
+    LOCATION_FIXES,
     ORDER,
     OWN_ORDER,
     USABLE,
@@ -214,11 +214,13 @@ def _describe(
             return replace(source, note='not a position, or not readable yet')
         unreadable = f"message encoding '{encoding}' of {schema.name} is not readable yet"
         return replace(source, kind=meant.name if meant else '', note=unreadable)
-    if not location_fix.readable(schema, encoding):
-        try:
+    try:
+        if location_fix.readable(schema, encoding):
+            location_fix.check(schema, encoding)
+        else:
             fields_of(kind, schema, encoding)
-        except LogError as error:
-            return replace(source, kind=kind.name, note=str(error))
+    except LogError as error:
+        return replace(source, kind=kind.name, note=str(error))
     if messages == 0:
         return replace(source, kind=kind.name, note='has no messages')
     return replace(source, kind=kind.name, usable=True)
@@ -226,7 +228,7 @@ def _describe(
 
 def _kind_of(schema: Schema, encoding: str) -> Kind | None:
     if location_fix.readable(schema, encoding):
-        return LOCATION_FIX
+        return LOCATION_FIXES
     return kind_of(schema, encoding)
 
 
