@@ -20,6 +20,7 @@ _TOKEN = re.compile(
     """,
     re.VERBOSE | re.DOTALL,
 )
+_OPENING: tuple[list[str], ...] = ([], ['{'], ['['], [','])  # no comma may follow these
 _KEY = re.compile(r'\s*:')
 _ESCAPE = re.compile(r'\\(?:x([0-9a-fA-F]{2})|(\r\n|.))|(")|([\x00-\x1f])', re.DOTALL)
 _KEPT = 'bfnrtu"\\/'  # escapes that JSON has too
@@ -55,7 +56,7 @@ def _as_json(text: str) -> str:
         if token.lastgroup == 'text':
             parts.append(f'"{_ESCAPE.sub(_escaped, value[1:-1])}"')
         elif token.lastgroup == 'mark':
-            if value in '}]' and parts[-1:] == [','] and parts[-2] not in ('{', '[', ','):
+            if value in '}]' and parts[-1:] == [','] and parts[-2:-1] not in _OPENING:
                 parts.pop()
             parts.append(value)
         elif token.lastgroup in ('name', 'number') and _KEY.match(text, at):

@@ -41,7 +41,8 @@ def test_no_number(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    'text', ['', '{', '[1 2]', '{a 1}', '{a: b}', "['a]", '[1,,2]', '[,]', '@', '[0xG]', '[1a]']
+    'text',
+    ['', '{', '[1 2]', '{a 1}', '{a: b}', "['a]", '[1,,2]', '[,]', ',}', '@', '[0xG]', '[1a]'],
 )
 def test_what_is_neither_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r'\w'):
