@@ -21,6 +21,7 @@ from .. import frames
 from ..errors import LogError
 from .decoders import decodable, decoded_columns
 from .definitions import full_name
+from .kinds import is_wanted
 from .mcap_container import McapFile, Schema
 from .measurements import ODOMETRY_FIELDS, Array, contradiction, odometry_measurements, stamp_ns
 from .timeline import Rows, choose_clock
@@ -35,9 +36,6 @@ _FIELDS = {
     'nav_msgs/msg/Odometry': ODOMETRY_FIELDS,
 }
 _ODOMETRY = 'nav_msgs/msg/Odometry'
-
-# What is wanted of a vehicle agrees with what it did, and is no measurement.
-_WANTED_NOT_MEASURED = ('setpoint', 'cmd', 'command', 'target', 'desired', 'reference')
 
 _NEAR_NS = 50 * 10**6
 _BRIDGE_NS = 2 * 10**9  # velocity is interpolated between samples no further apart
@@ -106,7 +104,7 @@ def _candidates(log: McapFile, topic: str) -> list[_Candidate]:
             continue
         if not decodable(schema, channel.message_encoding) or channel.topic == topic:
             continue
-        if any(word in channel.topic.lower() for word in _WANTED_NOT_MEASURED):
+        if is_wanted(channel.topic):  # it agrees with what the vehicle did
             continue
         if _shared(topic, channel.topic) > 0:
             grouped.setdefault((channel.topic, channel.schema_id), []).append(channel.id)

@@ -7,12 +7,14 @@ Kinds in the order in which replay prefers them in a foreign log:
 2. `fix`: NavSatFix, LocationFix, LocationFixes (with the velocity of a companion topic, if one
    agrees);
 3. `global`: an estimator's position on earth, which goes wrong with the estimator (PX4
-   VehicleGlobalPosition, MAVLink GLOBAL_POSITION_INT);
+   VehicleGlobalPosition, MAVLink GLOBAL_POSITION_INT, GeoPoseStamped);
 4. `gps_raw`: mavros GPSRAW, MAVLink GPS_RAW_INT and GPS2_RAW, 5. `nmea`: a receiver's message
    without vertical velocity;
 6. `odometry`: Odometry, 7. `local`: PX4 VehicleLocalPosition, MAVLink LOCAL_POSITION_NED: metres
    from some origin;
-8. `vehicle_state`: flightdyn's own.
+8. `pose`: PoseStamped, which may be of anything, 9. `vehicle_state`: flightdyn's own.
+
+What is wanted of a vehicle (set points, goals; told by the topic's name) comes after all that.
 
 In flightdyn's own recordings Odometry comes first (it has velocity and attitude), then
 VehicleState, then the others in the order above.
@@ -22,7 +24,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ..errors import LogError
-from . import gnss, location_fix, nmea, px4
+from . import gnss, location_fix, nmea, poses, px4
 from .decoders import decodable, decoder_of, field_names
 from .definitions import full_name
 from .mcap_columns import Columns
@@ -39,16 +41,18 @@ from .measurements import (
 )
 from .timeline import Rows
 
-ORDER = ('gnss', 'fix', 'global', 'gps_raw', 'nmea', 'odometry', 'local', 'vehicle_state')
-OWN_ORDER = ('odometry', 'vehicle_state', *ORDER[:5], 'local')
+ORDER = ('gnss', 'fix', 'global', 'gps_raw', 'nmea', 'odometry', 'local', 'pose', 'vehicle_state')
+OWN_ORDER = ('odometry', 'vehicle_state', *ORDER[:5], 'local', 'pose')
 
 USABLE = (
-    'sensor_msgs/NavSatFix, nav_msgs/Odometry, flightdyn_msgs/VehicleState, gps_msgs/GPSFix, '
+    'sensor_msgs/NavSatFix, nav_msgs/Odometry, geographic_msgs/GeoPoseStamped, '
+    'geometry_msgs/PoseStamped, flightdyn_msgs/VehicleState, gps_msgs/GPSFix, '
     'ublox_msgs/NavPVT, mavros_msgs/GPSRAW, nmea_msgs/Sentence (ROS 1 or 2), '
     'foxglove.LocationFix and LocationFixes (CDR, JSON, protobuf, flatbuffer), PX4 GPS, global '
-    'and local position (px4_msgs, '
-    'ulog2mcap), MAVLink (mavros_msgs/Mavlink, JSON of mavlink-server)'
+    'and local position (px4_msgs, ulog2mcap), MAVLink (mavros_msgs/Mavlink, mavlink-server)'
 )
+
+_WANTED_NOT_MEASURED = ('setpoint', 'goal', 'cmd', 'command', 'target', 'desired', 'reference')
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,9 @@ _PX4_LOCAL = Kind('local', px4.LOCAL_FIELDS, px4.local_measurements, px4.LOCAL_O
 _GPS_FIX = Kind('gnss', gnss.GPS_FIX_FIELDS, gnss.gps_fix_measurements, gnss.GPS_FIX_OPTIONAL)
 _NAV_PVT = Kind('gnss', gnss.NAV_PVT_FIELDS, gnss.nav_pvt_measurements, gnss.NAV_PVT_OPTIONAL)
 
+_POSE = Kind('pose', poses.POSE_FIELDS, poses.pose_measurements)
+_GEO_POSE = Kind('global', poses.GEO_POSE_FIELDS, poses.geo_pose_measurements)
+
 _KINDS = {
     'sensor_msgs/msg/NavSatFix': Kind('fix', (FIX_FIELDS,), fix_measurements),
     'foxglove_msgs/msg/LocationFix': _LOCATION_FIX,
@@ -110,6 +117,10 @@ _KINDS = {
     'mavros_msgs/msg/GPSRAW': Kind(
         'gps_raw', gnss.GPS_RAW_FIELDS, gnss.gps_raw_measurements, gnss.GPS_RAW_OPTIONAL
     ),
+    'geographic_msgs/msg/GeoPoseStamped': _GEO_POSE,
+    'geographic_msgs/msg/GeoPoseWithCovarianceStamped': _GEO_POSE,
+    'geometry_msgs/msg/PoseStamped': _POSE,
+    'geometry_msgs/msg/PoseWithCovarianceStamped': _POSE,
     'nmea_msgs/msg/Sentence': Kind('nmea', nmea.SENTENCE_FIELDS, nmea.sentence_measurements),
 }
 
@@ -141,3 +152,8 @@ def fields_of(kind: Kind, schema: Schema, encoding: str) -> tuple[str, ...]:
     fields = (*layout, *extra)
     decoder_of(schema, encoding, fields)
     return fields
+
+
+def is_wanted(topic: str) -> bool:
+    """Return whether a topic's name says that it is wanted of a vehicle, and no measurement."""
+    return any(word in topic.lower() for word in _WANTED_NOT_MEASURED)

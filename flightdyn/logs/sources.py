@@ -31,6 +31,7 @@ from .kinds import (
     USABLE,
     Kind,
     fields_of,
+    is_wanted,
     kind_named,
     kind_of,
 )
@@ -43,6 +44,7 @@ from .track import Datum, Track
 METADATA_NAME = 'flightdyn'
 """Name of the metadata record in flightdyn's own recordings."""
 
+_WANTED = 3  # standing of what is no measurement, after that of MAVLink's ground stations
 _TOPICS_SHOWN = 12  # an error is one line
 
 
@@ -223,7 +225,7 @@ def _describe(
         return replace(source, kind=kind.name, note=str(error))
     if messages == 0:
         return replace(source, kind=kind.name, note='has no messages')
-    return replace(source, kind=kind.name, usable=True)
+    return replace(source, kind=kind.name, usable=True, standing=_WANTED * is_wanted(topic))
 
 
 def _kind_of(schema: Schema, encoding: str) -> Kind | None:
@@ -352,7 +354,7 @@ def track_of(
         **{name: column[index] for name, column in measured.columns().items()},
     )
     track = with_checked_velocity(track)
-    if track.lat is None or track.velocity_ned is not None:
+    if track.velocity_ned is not None or (track.lat is None and source.kind != 'pose'):
         return track
     stamped = time is not columns.log_time
     return with_companion_velocity(log, track, columns.log_time[index], stamped=stamped)
@@ -375,8 +377,9 @@ def _datum(
 ) -> Datum:
     if measured.position_ned is not None and origin is None:
         return 'local'
-    # ArduPilot's DDS client puts mean sea level into NavSatFix, against the message's definition.
-    if source.topic.startswith('/ap/navsat'):
+    # ArduPilot's DDS client gives mean sea level, against the definition of the messages.
+    parts = source.topic.split('/')
+    if 'ap' in parts and any(part in ('navsat', 'geopose') for part in parts):
         warnings.append(f'{source.topic} is ArduPilot: its altitude is above mean sea level')
         return 'msl'
     return measured.datum
