@@ -106,7 +106,7 @@ def _candidates(log: McapFile, topic: str) -> list[_Candidate]:
             continue
         if is_wanted(channel.topic):  # it agrees with what the vehicle did
             continue
-        if _shared(topic, channel.topic) > 0:
+        if shared_name_spaces(topic, channel.topic) > 0:
             grouped.setdefault((channel.topic, channel.schema_id), []).append(channel.id)
     found = [
         _Candidate(name, log.schemas[schema], tuple(ids))
@@ -115,12 +115,12 @@ def _candidates(log: McapFile, topic: str) -> list[_Candidate]:
 
     def place(candidate: _Candidate) -> tuple[int, int, str]:
         messages = sum(log.message_counts[key] for key in candidate.channels)
-        return (-_shared(topic, candidate.topic), -messages, candidate.topic)
+        return (-shared_name_spaces(topic, candidate.topic), -messages, candidate.topic)
 
     return sorted(found, key=place)
 
 
-def _shared(topic: str, other: str) -> int:
+def shared_name_spaces(topic: str, other: str) -> int:
     """Return how many name spaces two topics share, the root only if neither is in another."""
     mine, its = topic.strip('/').split('/')[:-1], other.strip('/').split('/')[:-1]
     if not mine or not its:

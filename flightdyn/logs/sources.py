@@ -21,6 +21,7 @@ import numpy as np
 from ..environment.geodesy import GeodeticPoint
 from ..errors import InputError, LogError
 from . import location_fix, mavlink, mavlink_topics
+from .attitudes import is_attitude, with_companion_attitude
 from .choosing import check_range, choose_samples, first_usable
 from .companions import is_velocity, with_companion_velocity
 from .decoders import decodable, decoded_columns
@@ -211,6 +212,8 @@ def _describe(
     if kind is None:
         if is_velocity(schema, encoding):
             return replace(source, note='a velocity: used with a fix beside it that agrees')
+        if is_attitude(schema.name) and decodable(schema, encoding):
+            return replace(source, note='an attitude: used with positions beside it')
         meant = kind_named(schema.name)
         if meant is None and (decodable(schema, encoding) or encoding == 'json'):
             return replace(source, note='not a position, or not readable yet')
@@ -354,10 +357,12 @@ def track_of(
         **{name: column[index] for name, column in measured.columns().items()},
     )
     track = with_checked_velocity(track)
-    if track.velocity_ned is not None or (track.lat is None and source.kind != 'pose'):
-        return track
-    stamped = time is not columns.log_time
-    return with_companion_velocity(log, track, columns.log_time[index], stamped=stamped)
+    recorded, stamped = columns.log_time[index], time is not columns.log_time
+    if track.velocity_ned is None and (track.lat is not None or source.kind == 'pose'):
+        track = with_companion_velocity(log, track, recorded, stamped=stamped)
+    if track.attitude is None:
+        track = with_companion_attitude(log, track, recorded, stamped=stamped)
+    return track
 
 
 def recorded_origin(own: dict[str, str], warnings: list[str]) -> GeodeticPoint | None:
