@@ -65,7 +65,8 @@ def with_companion_velocity(
     ----------
     log : McapFile
     track : Track
-        Fixes without velocity, read from `log`.
+        Positions without velocity, read from `log`. The topic itself is asked, too: where it is
+        Odometry its velocity may have been refused for the axes that its frames name.
     log_time : int array (n,)
         When each of them was recorded [ns].
     stamped : bool
@@ -102,7 +103,7 @@ def _candidates(log: McapFile, topic: str) -> list[_Candidate]:
         schema = log.schemas.get(channel.schema_id)
         if schema is None or full_name(schema.name) not in _FIELDS:
             continue
-        if not decodable(schema, channel.message_encoding) or channel.topic == topic:
+        if not decodable(schema, channel.message_encoding):
             continue
         if is_wanted(channel.topic):  # it agrees with what the vehicle did
             continue

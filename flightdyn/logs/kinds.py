@@ -20,6 +20,7 @@ In flightdyn's own recordings Odometry comes first (it has velocity and attitude
 VehicleState, then the others in the order above.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -51,6 +52,9 @@ USABLE = (
     'foxglove.LocationFix and LocationFixes (CDR, JSON, protobuf, flatbuffer), PX4 GPS, global '
     'and local position (px4_msgs, ulog2mcap), MAVLink (mavros_msgs/Mavlink, mavlink-server)'
 )
+
+# What PX4's translation node calls the former versions of a message.
+_OLD_PX4 = re.compile(r'^px4_msgs_old/msg/(\w+?)V\d+$')
 
 _WANTED_NOT_MEASURED = ('setpoint', 'goal', 'cmd', 'command', 'target', 'desired', 'reference')
 
@@ -132,7 +136,7 @@ def kind_of(schema: Schema, encoding: str) -> Kind | None:
 
 def kind_named(schema_name: str) -> Kind | None:
     """Return the kind of source that a schema's name stands for, None if it is none."""
-    return _KINDS.get(full_name(schema_name))
+    return _KINDS.get(_OLD_PX4.sub(r'px4_msgs/msg/\1', full_name(schema_name)))
 
 
 def fields_of(kind: Kind, schema: Schema, encoding: str) -> tuple[str, ...]:

@@ -45,6 +45,7 @@ from .track import Datum, Track
 METADATA_NAME = 'flightdyn'
 """Name of the metadata record in flightdyn's own recordings."""
 
+_ENU = ('pose', 'odometry')  # local positions in the axes that velocities beside them have
 _WANTED = 3  # standing of what is no measurement, after that of MAVLink's ground stations
 _TOPICS_SHOWN = 12  # an error is one line
 
@@ -358,7 +359,7 @@ def track_of(
     )
     track = with_checked_velocity(track)
     recorded, stamped = columns.log_time[index], time is not columns.log_time
-    if track.velocity_ned is None and (track.lat is not None or source.kind == 'pose'):
+    if track.velocity_ned is None and (track.lat is not None or source.kind in _ENU):
         track = with_companion_velocity(log, track, recorded, stamped=stamped)
     if track.attitude is None:
         track = with_companion_attitude(log, track, recorded, stamped=stamped)

@@ -397,3 +397,24 @@ def test_json_without_mavlink_is_no_source(write_json: Write) -> None:
     path = write_json([('chat', START_NS + i, b'{"says": "GPS_RAW_INT"}') for i in range(3)])
     (source,) = list_sources(path)
     assert not source.usable
+
+
+def test_frames_of_ros_1(write_log: Write) -> None:
+    old = get_typestore(Stores.ROS1_NOETIC)
+    old.register(get_types_from_msg(TEXT, FRAME))
+    text = old.generate_msgdef(FRAME, ros_version=1)[0].encode()
+    messages = []
+    for topic, ns, data in stream(20, version=2):
+        message = STORE.deserialize_cdr(data, FRAME)
+        values = {name: getattr(message, name) for name, _ in STORE.fielddefs[FRAME][1]}
+        time = old.types['builtin_interfaces/msg/Time'](ns // 10**9, ns % 10**9)
+        values['header'] = old.types['std_msgs/msg/Header'](7, time, '1.1')
+        made = old.types[FRAME](**values)
+        messages.append((topic, ns, bytes(old.serialize_ros1(made, FRAME))))
+    name = 'mavros_msgs/Mavlink'
+    path = write_log(
+        messages, {TOPIC: name}, texts={name: text}, encoding='ros1', schema_encoding='ros1msg'
+    )
+    track = read_track(path)
+    assert (track.source, track.dropped) == (f'{TOPIC}/1/1/GLOBAL_POSITION_INT', {})
+    assert_allclose(track.lat, 48 + 1e-4 * np.arange(20), rtol=0, atol=1e-9)

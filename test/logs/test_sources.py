@@ -217,11 +217,18 @@ def test_odometry_twist_of_a_world_frame(write_log: Write, child: str) -> None:
     assert_allclose(read_track(path).velocity_ned, np.tile([2, 1, -3], (30, 1)), atol=1e-12)
 
 
-def test_a_velocity_against_the_positions_is_not_used(write_log: Write) -> None:
-    # As mavros: over the ground with z down, although the child frame is the body.
+def test_a_velocity_over_the_ground_with_z_down_is_turned_round(write_log: Write) -> None:
+    # as mavros gives it, although the child frame is the body
     track = read_track(write_log(flight((1.0, 2.0, -3.0)), {'/odom': ODOMETRY}))
-    assert track.velocity_ned is None
+    assert_allclose(track.velocity_ned, np.tile([2, 1, -3], (30, 1)), atol=1e-12)
     assert 'contradicts its positions' in track.warnings[0]
+    assert 'its vertical part counted downwards' in track.warnings[1]
+
+
+def test_a_velocity_against_the_positions_is_not_used(write_log: Write) -> None:
+    track = read_track(write_log(flight((-9.0, 2.0, 3.0)), {'/odom': ODOMETRY}))
+    assert track.velocity_ned is None
+    assert all('contradicts its positions' in warning for warning in track.warnings)
 
 
 def test_odometry_in_another_frame_is_dropped(write_log: Write) -> None:
