@@ -22,6 +22,7 @@ from ..errors import LogError
 from . import json5
 from .decoders import decodable, decoded_columns, field_names
 from .definitions import full_name
+from .json_columns import DAMAGE
 from .mavlink import FIX_TYPES, MESSAGES, NAMES, Message, checksum
 from .mcap_columns import Columns
 from .mcap_container import McapFile, Schema
@@ -34,7 +35,6 @@ _FRAME_OPTIONAL = ('magic', 'checksum', 'incompat_flags', 'compat_flags', 'frami
 _V2 = 0xFD
 _CRC_CHECKED, _SHORT, _REFUSED = 'wrong checksum', 'payload cut short', 'refused by the receiver'
 _NOT_JSON = 'not as the message is defined'
-_JSON_DAMAGE = (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
 _POSITIONS = re.compile('|'.join(NAMES).encode())
 
 
@@ -70,7 +70,7 @@ def may_hold_json(schema: Schema, encoding: str) -> bool:
         return False
     try:
         known = json.loads(schema.data)['properties']
-    except _JSON_DAMAGE:
+    except DAMAGE:
         return True
     return isinstance(known, dict) and 'header' in known and 'message' in known
 
@@ -190,7 +190,7 @@ def _documents(log: McapFile, channel_ids: Sequence[int]) -> Iterator[tuple[int,
                 continue
             try:
                 yield batch.channel_id, times[i], json5.loads(message)
-            except _JSON_DAMAGE:
+            except DAMAGE:
                 yield batch.channel_id, times[i], None
 
 
@@ -198,7 +198,7 @@ def _sender(document: Any) -> Sender | None:
     try:
         head, name = document['header'], document['message']['type']
         sender = Sender(int(head['system_id']), int(head['component_id']), name)
-    except _JSON_DAMAGE:
+    except DAMAGE:
         return None
     return sender if name in NAMES else None
 
@@ -216,7 +216,7 @@ def _json_columns(log: McapFile, channel_ids: Sequence[int], sender: Sender) -> 
         try:
             table.append(_numbers(document['message'], message))
             fault.append(0)
-        except _JSON_DAMAGE:
+        except DAMAGE:
             table.append(nothing)
             fault.append(1)
     values = np.array(table, float).reshape(-1, len(nothing))

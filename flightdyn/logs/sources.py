@@ -217,8 +217,8 @@ def _describe(
             return replace(source, note='an attitude: used with positions beside it')
         meant = kind_named(schema.name)
         if meant is None and (decodable(schema, encoding) or encoding == 'json'):
-            return replace(source, note='not a position, or not readable yet')
-        unreadable = f"message encoding '{encoding}' of {schema.name} is not readable yet"
+            return replace(source, note='not a position')
+        unreadable = f"message encoding '{encoding}' of {schema.name} cannot be read"
         return replace(source, kind=meant.name if meant else '', note=unreadable)
     try:
         if location_fix.readable(schema, encoding):
