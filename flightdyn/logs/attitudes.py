@@ -10,7 +10,7 @@ References
 .. [2] PX4 Autopilot, *msg/VehicleAttitude*
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,11 +22,12 @@ from .companions import shared_name_spaces
 from .decoders import decodable, decoded_columns
 from .definitions import full_name
 from .kinds import is_wanted
+from .mavlink_topics import Sender, attitude_columns
 from .mcap_columns import Columns
 from .mcap_container import McapFile
 from .measurements import ODOMETRY_FIELDS, Array, displacements, stamp_ns
 from .poses import GEO_POSE_FIELDS, POSE_FIELDS, attitude_of, sound_attitude
-from .timeline import Rows, choose_clock
+from .timeline import Rows, choose_clock, steady_time
 from .track import Track
 
 _STAMP = ('header.stamp.sec', 'header.stamp.nanosec')
@@ -85,29 +86,59 @@ def with_companion_attitude(
     their time; the others get a row of NaN. What was taken, and what was not and why, is told in
     the track's warnings.
     """
-    notes: list[str] = []
     for candidate in list(_candidates(log, track.source))[:_MOST_TRIED]:
         try:
             attitude = _attitude_at(log, candidate, track, log_time, stamped=stamped)
         except LogError as error:
-            notes.append(f'{candidate.topic} is not used as attitude: {error}')
+            note = f'{candidate.topic} is not used as attitude: {error}'
+            track = replace(track, warnings=[*track.warnings, note])
             continue
-        known = np.isfinite(attitude).all(axis=1)
-        if (
-            known.sum() < _LEAST
-            or known.mean() < 0.5
-            or np.ptp(attitude[known], axis=0).max() == 0
-        ):
-            continue
-        if _points_backwards(track, attitude):
-            notes.append(
-                f'{candidate.topic} is not used as attitude: it points backwards in flight'
-            )
-            continue
-        part = '' if known.all() else f', for {known.sum()} of {known.size} samples'
-        notes.append(f'attitude is that of {candidate.topic}{part}')
-        return replace(track, attitude=attitude, warnings=[*track.warnings, *notes])
-    return replace(track, warnings=[*track.warnings, *notes])
+        track = _with_attitude(track, attitude, candidate.topic)
+        if track.attitude is not None:
+            break
+    return track
+
+
+def with_mavlink_attitude(
+    log: McapFile, track: Track, channel_ids: Sequence[int], sender: Sender, columns: Columns
+) -> Track:
+    """Return a track with the attitude that the MAVLink sender of its positions sends.
+
+    Parameters
+    ----------
+    columns : Columns
+        The positions, a row for each sample of the track. They are matched by the sender's own
+        clock: messages may arrive late.
+
+    Raises
+    ------
+    LogError
+        If the file is damaged.
+    """
+    other = attitude_columns(log, channel_ids, sender)
+    sound = other.fault == 0
+    count = np.concatenate((columns['time_boot_ms'], other['time_boot_ms'][sound]))
+    arrival = np.concatenate((columns.log_time, other.log_time[sound]))
+    order = np.argsort(arrival, kind='stable')
+    time = np.empty(arrival.size, np.int64)
+    time[order] = steady_time(count.astype(np.int64)[order] * 10**6, arrival[order])
+    angles = (other[name][sound].astype(float) for name in ('roll', 'pitch', 'yaw'))
+    measured = np.stack(frames.quaternion_from_euler(*angles), axis=1)
+    attitude = _interpolated(time[len(track) :], measured, time[: len(track)])
+    return _with_attitude(track, attitude, f'system {sender.system} in ATTITUDE')
+
+
+def _with_attitude(track: Track, attitude: Array, name: str) -> Track:
+    """Return the track with an attitude (n, 4), or without it and a warning if it is none."""
+    known = np.isfinite(attitude).all(axis=1)
+    if known.sum() < _LEAST or known.mean() < 0.5 or np.ptp(attitude[known], axis=0).max() == 0:
+        return track
+    if _points_backwards(track, attitude):
+        note = f'{name} is not used as attitude: it points backwards in flight'
+        return replace(track, warnings=[*track.warnings, note])
+    part = '' if known.all() else f', for {known.sum()} of {known.size} samples'
+    note = f'attitude is that of {name}{part}'
+    return replace(track, attitude=attitude, warnings=[*track.warnings, note])
 
 
 def _candidates(log: McapFile, topic: str) -> Iterator[_Candidate]:

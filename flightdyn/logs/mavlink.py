@@ -41,21 +41,23 @@ class Message:
 
     Parameters
     ----------
+    number : int
     seed : int
         CRC_EXTRA.
     kind : str
-        One of `kinds.ORDER`.
+        One of `kinds.ORDER`; empty if it is no position.
     layout : dtype
     least : int
         How many of its fields every version of the message has.
     """
 
+    number: int
     name: str
     seed: int
     kind: str
     layout: np.dtype[np.void]
     least: int
-    measure: Callable[[Columns, Rows, list[str]], Measured]
+    measure: Callable[[Columns, Rows, list[str]], Measured] | None = None
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -151,10 +153,12 @@ def _vector(columns: Columns, *names: str) -> Array:
 
 
 _EXTENSIONS = [('alt_ellipsoid', '<i4'), ('h_acc', '<u4'), ('v_acc', '<u4')]
+_ANGLES = ('roll', 'pitch', 'yaw', 'rollspeed', 'pitchspeed', 'yawspeed')
 _LOCAL = [('time_boot_ms', '<u4'), *((name, '<f4') for name in ('x', 'y', 'z', 'vx', 'vy', 'vz'))]
 
-MESSAGES = {
-    24: Message(
+_POSITIONS = (
+    Message(
+        24,
         'GPS_RAW_INT',
         24,
         'gps_raw',
@@ -166,8 +170,9 @@ MESSAGES = {
         10,
         raw_measurements,
     ),
-    32: Message('LOCAL_POSITION_NED', 185, 'local', np.dtype(_LOCAL), 7, local_measurements),
-    33: Message(
+    Message(32, 'LOCAL_POSITION_NED', 185, 'local', np.dtype(_LOCAL), 7, local_measurements),
+    Message(
+        33,
         'GLOBAL_POSITION_INT',
         104,
         'global',
@@ -179,7 +184,8 @@ MESSAGES = {
         9,
         global_measurements,
     ),
-    124: Message(
+    Message(
+        124,
         'GPS2_RAW',
         87,
         'gps_raw',
@@ -192,6 +198,18 @@ MESSAGES = {
         12,
         raw_measurements,
     ),
-}
+)
 
-NAMES = {message.name: message for message in MESSAGES.values()}
+MESSAGES = {message.number: message for message in _POSITIONS}
+"""Messages of position, by number."""
+
+NAMES = {message.name: message for message in _POSITIONS}
+
+ATTITUDE = Message(
+    30,
+    'ATTITUDE',
+    39,
+    '',
+    np.dtype([('time_boot_ms', '<u4'), *((name, '<f4') for name in _ANGLES)]),
+    7,
+)

@@ -23,7 +23,7 @@ from . import json5
 from .decoders import decodable, decoded_columns, field_names
 from .definitions import full_name
 from .json_columns import DAMAGE
-from .mavlink import FIX_TYPES, MESSAGES, NAMES, Message, checksum
+from .mavlink import ATTITUDE, FIX_TYPES, MESSAGES, NAMES, Message, checksum
 from .mcap_columns import Columns
 from .mcap_container import McapFile, Schema
 
@@ -35,7 +35,8 @@ _FRAME_OPTIONAL = ('magic', 'checksum', 'incompat_flags', 'compat_flags', 'frami
 _V2 = 0xFD
 _CRC_CHECKED, _SHORT, _REFUSED = 'wrong checksum', 'payload cut short', 'refused by the receiver'
 _NOT_JSON = 'not as the message is defined'
-_POSITIONS = re.compile('|'.join(NAMES).encode())
+_READ = NAMES | {ATTITUDE.name: ATTITUDE}
+_POSITIONS = '|'.join(NAMES)
 
 
 class Sender(NamedTuple):
@@ -48,7 +49,7 @@ class Sender(NamedTuple):
     @property
     def message(self) -> Message:
         """How the message is read."""
-        return NAMES[self.name]
+        return _READ[self.name]
 
     def __str__(self) -> str:
         return f'{self.system}/{self.component}/{self.name}'
@@ -102,7 +103,7 @@ def json_senders(log: McapFile, channel_ids: Sequence[int]) -> dict[int, Counter
         If the file is damaged.
     """
     found: dict[int, Counter[Sender]] = {}
-    for channel, _, document in _documents(log, channel_ids):
+    for channel, _, document in _documents(log, channel_ids, _POSITIONS):
         sender = _sender(document)
         if sender is not None:
             found.setdefault(channel, Counter())[sender] += 1
@@ -124,6 +125,25 @@ def read_columns(
     return _frame_columns(log, channel_ids, sender, warnings)
 
 
+def attitude_columns(log: McapFile, channel_ids: Sequence[int], sender: Sender) -> Columns:
+    """Return ATTITUDE as the sender of positions in some channels sends it, maybe in others.
+
+    Raises
+    ------
+    LogError
+        If the file is damaged.
+    """
+    channel = log.channels[channel_ids[0]]
+    if channel.message_encoding == 'json':  # as a rule every message has a topic of its own
+        channel_ids = [
+            other.id
+            for other in log.channels.values()
+            if other.schema_id in log.schemas
+            and may_hold_json(log.schemas[other.schema_id], other.message_encoding)
+        ]
+    return read_columns(log, channel_ids, sender._replace(name=ATTITUDE.name), [])
+
+
 def _frame_columns(
     log: McapFile, channel_ids: Sequence[int], sender: Sender, warnings: list[str]
 ) -> Columns:
@@ -135,9 +155,8 @@ def _frame_columns(
     if damaged:
         warnings.append(f'{damaged} messages of {channel.topic} cannot be decoded')
     message = sender.message
-    number = next(key for key, known in MESSAGES.items() if known is message)
     chosen = (columns['sysid'] == sender.system) & (columns['compid'] == sender.component)
-    rows = np.flatnonzero(chosen & (columns['msgid'] == number) & (columns.fault == 0))
+    rows = np.flatnonzero(chosen & (columns['msgid'] == message.number) & (columns.fault == 0))
     table = np.zeros(rows.size, message.layout)
     fault = np.zeros(rows.size, np.uint8)
     names = ('', _REFUSED, _SHORT, _CRC_CHECKED)
@@ -177,8 +196,11 @@ def _frame_fault(head: dict[str, int], payload: bytes, seed: int) -> str:
     return '' if checksum(checked) == head['checksum'] else _CRC_CHECKED
 
 
-def _documents(log: McapFile, channel_ids: Sequence[int]) -> Iterator[tuple[int, int, Any]]:
-    """Yield channel, log time and contents of messages that may be positions, None if damaged."""
+def _documents(
+    log: McapFile, channel_ids: Sequence[int], names: str
+) -> Iterator[tuple[int, int, Any]]:
+    """Yield channel, log time and contents, None if damaged, of messages with one of the names."""
+    pattern = re.compile(names.encode())
     for batch in log.batches(channel_ids):
         raw = batch.data.data
         times = batch.log_time.tolist()
@@ -186,7 +208,7 @@ def _documents(log: McapFile, channel_ids: Sequence[int]) -> Iterator[tuple[int,
             zip(batch.start.tolist(), batch.end.tolist(), strict=True)
         ):
             message = bytes(raw[start:end])
-            if not _POSITIONS.search(message):
+            if not pattern.search(message):
                 continue
             try:
                 yield batch.channel_id, times[i], json5.loads(message)
@@ -200,7 +222,7 @@ def _sender(document: Any) -> Sender | None:
         sender = Sender(int(head['system_id']), int(head['component_id']), name)
     except DAMAGE:
         return None
-    return sender if name in NAMES else None
+    return sender if name in _READ else None
 
 
 def _json_columns(log: McapFile, channel_ids: Sequence[int], sender: Sender) -> Columns:
@@ -209,7 +231,7 @@ def _json_columns(log: McapFile, channel_ids: Sequence[int], sender: Sender) -> 
     table: list[list[float]] = []
     fault: list[int] = []
     nothing = [0.0] * len(message.fields)
-    for _, time, document in _documents(log, channel_ids):
+    for _, time, document in _documents(log, channel_ids, sender.name):
         if document is not None and _sender(document) != sender:
             continue
         times.append(time)

@@ -21,7 +21,7 @@ import numpy as np
 from ..environment.geodesy import GeodeticPoint
 from ..errors import InputError, LogError
 from . import location_fix, mavlink, mavlink_topics
-from .attitudes import is_attitude, with_companion_attitude
+from .attitudes import is_attitude, with_companion_attitude, with_mavlink_attitude
 from .choosing import check_range, choose_samples, first_usable
 from .companions import is_velocity, with_companion_velocity
 from .decoders import decodable, decoded_columns
@@ -361,6 +361,9 @@ def track_of(
     recorded, stamped = columns.log_time[index], time is not columns.log_time
     if track.velocity_ned is None and (track.lat is not None or source.kind in _ENU):
         track = with_companion_velocity(log, track, recorded, stamped=stamped)
+    if source.sender and 'time_boot_ms' in columns.values:
+        rows_of_track = columns.at(index)
+        track = with_mavlink_attitude(log, track, source.channels, source.sender, rows_of_track)
     if track.attitude is None:
         track = with_companion_attitude(log, track, recorded, stamped=stamped)
     return track

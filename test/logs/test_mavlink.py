@@ -12,9 +12,10 @@ from log_making import START_NS, Message
 from numpy.testing import assert_allclose
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from flightdyn import frames
 from flightdyn.errors import LogError
 from flightdyn.logs import list_sources, read_track
-from flightdyn.logs.mavlink import FIX_TYPES, MESSAGES, checksum
+from flightdyn.logs.mavlink import ATTITUDE, FIX_TYPES, MESSAGES, checksum
 from flightdyn.logs.mavlink_topics import MAX_SENDERS
 
 Write = Callable[..., Path]
@@ -51,6 +52,7 @@ builtin_interfaces/Time stamp
 string frame_id
 """
 RAW, LOCAL, GLOBAL = 24, 32, 33
+KNOWN = MESSAGES | {ATTITUDE.number: ATTITUDE}
 TOPIC = '/uas1/mavlink_source'
 
 
@@ -75,7 +77,7 @@ def raw_position(i: int, fix: int = 3) -> bytes:
 
 
 def frame(
-    i: int,
+    i: float,
     number: int,
     payload: bytes,
     *,
@@ -85,8 +87,9 @@ def frame(
     signed: bool = False,
     **changes: Any,
 ) -> bytes:
-    seed = MESSAGES[number].seed if number in MESSAGES else 50
-    ids = bytes([i % 256, system, component])
+    seed = KNOWN[number].seed if number in KNOWN else 50  # HEARTBEAT
+    seq = int(i) % 256
+    ids = bytes([seq, system, component])
     if version == 2:
         payload = payload.rstrip(b'\0') or b'\0'
         checked = bytes([len(payload), int(signed), 0]) + ids + number.to_bytes(3, 'little')
@@ -94,7 +97,7 @@ def frame(
         checked = bytes([len(payload)]) + ids + bytes([number])
     words = np.frombuffer(payload + bytes(-len(payload) % 8), '<u8')
     types = STORE.types
-    ns = START_NS + i * 10**9
+    ns = START_NS + round(i * 1e9)
     time = types['builtin_interfaces/msg/Time'](ns // 10**9, ns % 10**9)
     values = {
         'header': types['std_msgs/msg/Header'](time, f'{system}.{component}'),
@@ -103,7 +106,7 @@ def frame(
         'len': len(payload),
         'incompat_flags': int(signed),
         'compat_flags': 0,
-        'seq': i % 256,
+        'seq': seq,
         'sysid': system,
         'compid': component,
         'msgid': number,
@@ -262,6 +265,43 @@ def test_frames_without_a_checksum_of_old_mavros(write_frames: Write) -> None:
     assert_allclose(track.lat, 48 + 1e-4 * np.arange(9), rtol=0, atol=1e-9)
 
 
+TURN = 0.02  # rad/s; in 100 s the nose does not get behind
+
+
+def attitude(t: float) -> tuple[float, ...]:
+    """Roll, pitch, yaw and their rates."""
+    return 0.4, -0.1, (TURN * t + np.pi) % (2 * np.pi) - np.pi, 0.0, 0.0, TURN
+
+
+def assert_turn(track: Any, seconds: Any) -> None:
+    r_eb = frames.rotation_from_quaternion(tuple(track.attitude.T))
+    phi, theta, psi = frames.euler_from_rotation(r_eb)
+    # single precision; interpolation over 0.2 s is right to (TURN 0.2)^2 / 8 rad
+    assert_allclose(phi, 0.4, atol=1e-4)
+    assert_allclose(theta, -0.1, atol=1e-4)
+    difference = (psi - TURN * seconds + np.pi) % (2 * np.pi) - np.pi
+    assert_allclose(difference, 0, atol=1e-4)
+
+
+def test_the_attitude_of_the_same_sender_is_taken(write_frames: Write) -> None:
+    rng = np.random.default_rng(1)
+    messages = []
+    for k in range(-2, 500):
+        t = 0.2 * k
+        late = round(rng.exponential(0.2) * 1e9)  # arrival says little of the time
+        angles = struct.pack('<I6f', round(1000 * t) + 5000, *attitude(t))
+        data = frame(t, ATTITUDE.number, angles)
+        messages.append((TOPIC, START_NS + round(t * 1e9) + late, data))
+        other = struct.pack('<I6f', round(1000 * t) + 5000, 1.0, *attitude(-t)[1:])
+        messages.append((TOPIC, START_NS + round(t * 1e9), frame(t, 30, other, system=2)))
+        if k >= 0 and k % 5 == 0:
+            data = frame(t, GLOBAL, global_position(k // 5))
+            messages.append((TOPIC, START_NS + round(t * 1e9) + late, data))
+    track = read_track(write_frames(sorted(messages, key=lambda message: message[1])))
+    assert track.warnings[-1] == 'attitude is that of system 1 in ATTITUDE'
+    assert_turn(track, np.arange(100.0))
+
+
 def test_frames_without_a_position_say_so(write_frames: Write) -> None:
     path = write_frames([(TOPIC, START_NS + i, frame(i, 0, bytes(9))) for i in range(5)])
     (source,) = list_sources(path)
@@ -282,7 +322,7 @@ def test_noise_is_no_multitude_of_senders(write_frames: Write) -> None:
 
 def test_the_messages_are_those_of_pymavlink() -> None:
     dialect = pytest.importorskip('pymavlink.dialects.v20.ardupilotmega')
-    for number, message in MESSAGES.items():
+    for number, message in KNOWN.items():
         theirs = dialect.mavlink_map[number]
         assert (theirs.msgname, theirs.crc_extra) == (message.name, message.seed)
         assert message.fields == tuple(theirs.ordered_fieldnames[: len(message.fields)])
@@ -379,6 +419,22 @@ def test_fix_type_by_name_and_by_number(write_json: Write, told: Any) -> None:
     assert track.dropped == {'no 3D fix': 1}
     assert (track.altitude_datum, track.altitude[0]) == ('ellipsoid', 548)
     assert_allclose(track.position_std[0], [1.5, 1.5, 2.5])
+
+
+def test_the_attitude_in_a_topic_of_its_own_is_taken(write_json: Write) -> None:
+    messages = []
+    names = ('roll', 'pitch', 'yaw', 'rollspeed', 'pitchspeed', 'yawspeed')
+    for k in range(-1, 100):
+        ns = START_NS + k * 200_000_000
+        fields = dict(zip(names, attitude(0.2 * k), strict=True))
+        data = document(k, 'ATTITUDE', time_boot_ms=5000 + 200 * k, **fields)
+        messages.append(('mavlink/1/1/ATTITUDE', ns, data))
+        messages.append(('mavlink/out', ns, data))
+        if k >= 0 and k % 5 == 0:
+            messages.append(('mavlink/1/1/GLOBAL_POSITION_INT', ns, global_document(k // 5)))
+    track = read_track(write_json(messages, SCHEMA))
+    assert track.warnings[-1] == 'attitude is that of system 1 in ATTITUDE'
+    assert_turn(track, np.arange(20.0))
 
 
 def test_json5_is_read_as_json(write_json: Write) -> None:

@@ -107,6 +107,7 @@ def open_log(path: Path) -> OpenedLog:
 
 def _reading(stream: _Stream) -> Reading:
     message = stream.message
+    assert message.measure is not None
     table = np.frombuffer(bytes(stream.payloads), message.layout)
     arrival = np.array(stream.arrival, np.int64) * 1000
     values = {name: table[name] for name in message.fields}
