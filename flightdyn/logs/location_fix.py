@@ -18,7 +18,7 @@ import numpy as np
 
 from ..errors import LogError
 from . import flatbuffer, json5, protobuf
-from .decoders import decodable, decoded_columns
+from .decoders import decodable, decoded_columns, decoder_of
 from .definitions import full_name
 from .mcap_columns import Columns
 from .mcap_container import McapFile, Schema
@@ -59,6 +59,8 @@ def check(schema: Schema, encoding: str) -> None:
     """Raise LogError if a schema does not say how its messages are read."""
     if encoding in ('protobuf', 'flatbuffer'):
         _parser(schema, encoding)
+    elif encoding != 'json':
+        decoder_of(schema, encoding, ('fixes',))
 
 
 def read_columns(log: McapFile, channel_ids: Sequence[int]) -> Columns:

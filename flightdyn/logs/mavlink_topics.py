@@ -105,7 +105,7 @@ def json_senders(log: McapFile, channel_ids: Sequence[int]) -> dict[int, Counter
     found: dict[int, Counter[Sender]] = {}
     for channel, _, document in _documents(log, channel_ids, _POSITIONS):
         sender = _sender(document)
-        if sender is not None:
+        if sender is not None and sender.name in NAMES:
             found.setdefault(channel, Counter())[sender] += 1
     return found
 

@@ -11,7 +11,7 @@ that of a topic beside it that agrees is taken, see `companions`.
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -145,38 +145,38 @@ def _raw_beside_fused(source: Source, others: Sequence[Source]) -> bool:
 
 def _with_senders(log: McapFile, found: Sequence[Source]) -> list[Source]:
     """Return the sources, and those of each MAVLink system in topics that hold several."""
-    frames, texts = [], []
-    for source in found:
-        schema = log.schemas.get(log.channels[source.channels[0]].schema_id)
-        if schema is None or source.kind:
-            continue
-        if mavlink_topics.holds_frames(schema, source.encoding):
-            frames.append(source)
-        elif mavlink_topics.may_hold_json(schema, source.encoding):
-            texts.append(source)
-    read: dict[str, Counter[Sender]] = {}
-    failed: dict[str, str] = {}
+    frames = [s for s in found if _may_be_mavlink(log, s, mavlink_topics.holds_frames)]
+    texts = [s for s in found if _may_be_mavlink(log, s, mavlink_topics.may_hold_json)]
+    senders: dict[tuple[int, ...], Counter[Sender]] = {}
+    failure = ''
     try:
+        for source in frames:
+            senders[source.channels] = mavlink_topics.frame_senders(log, source.channels)
         by_channel = mavlink_topics.json_senders(log, [key for s in texts for key in s.channels])
         for source in texts:
-            for key in source.channels:
-                read.setdefault(source.topic, Counter()).update(by_channel.get(key, {}))
-        for source in frames:
-            read[source.topic] = mavlink_topics.frame_senders(log, source.channels)
-    except LogError as error:  # what is in the log is told even if it is damaged
-        failed = {source.topic: str(error) for source in (*frames, *texts)}
+            each = (by_channel.get(key, Counter()) for key in source.channels)
+            senders[source.channels] = sum(each, Counter())
+    except LogError as error:  # what else is in the log is told even if it is damaged
+        failure = str(error)
     sources: list[Source] = []
     for source in found:
-        if source in frames or source in texts:
-            source = replace(source, note=failed.get(source.topic, source.note))
-            senders = read.get(source.topic, Counter())
-            sources += _split(source, senders, is_frames=source.topic in {f.topic for f in frames})
+        if source in frames:
+            nothing = failure or 'MAVLink without a message of position'
+            sources += _split(source, senders.get(source.channels, Counter()), nothing)
+        elif source in texts:
+            sources += _split(source, senders.get(source.channels, Counter()), failure)
         else:
             sources.append(source)
     return sources
 
 
-def _split(source: Source, senders: Counter[Sender], *, is_frames: bool) -> list[Source]:
+def _may_be_mavlink(log: McapFile, source: Source, holds: Callable[[Schema, str], bool]) -> bool:
+    schema = log.schemas.get(log.channels[source.channels[0]].schema_id)
+    return schema is not None and not source.kind and holds(schema, source.encoding)
+
+
+def _split(source: Source, senders: Counter[Sender], nothing: str) -> list[Source]:
+    """Return a topic's sources, one for each sender; `nothing` is said where there is none."""
     parts = [
         replace(
             source,
@@ -190,13 +190,12 @@ def _split(source: Source, senders: Counter[Sender], *, is_frames: bool) -> list
         )
         for sender, count in senders.most_common(mavlink_topics.MAX_SENDERS)
     ]
-    if not is_frames and len(parts) == 1 and parts[0].messages == source.messages:
+    if not parts:
+        return [replace(source, note=nothing or source.note)]
+    if source.encoding == 'json' and len(parts) == 1 and parts[0].messages == source.messages:
         return [replace(parts[0], topic=source.topic)]
-    if parts:
-        source = replace(source, note='MAVLink: each system and message is a source of its own')
-    elif is_frames:
-        source = replace(source, note='MAVLink without a message of position')
-    return [*parts, source]
+    note = 'MAVLink: each system and message is a source of its own'
+    return [*parts, replace(source, note=note)]
 
 
 def _describe(

@@ -304,6 +304,14 @@ def test_a_schema_that_does_not_tell_is_named(
         read_track(path)
 
 
+def test_a_ros_definition_without_fixes_is_named(write_log: Write) -> None:
+    name = 'foxglove_msgs/msg/LocationFixes'
+    path = write_log([('/where', START_NS, b'')], {'/where': name}, texts={name: b'uint8 many'})
+    (source,) = list_sources(path)
+    assert not source.usable
+    assert 'has no field fixes; it has many' in source.note
+
+
 def test_what_is_not_in_a_flatbuffer_has_its_default() -> None:
     reader = FlatbufferReader(Schema(1, ONE, 'flatbuffer', BFBS))
     builder = flatbuffers.Builder(0)

@@ -450,9 +450,20 @@ def test_json5_is_read_as_json(write_json: Write) -> None:
 
 
 def test_json_without_mavlink_is_no_source(write_json: Write) -> None:
-    path = write_json([('chat', START_NS + i, b'{"says": "GPS_RAW_INT"}') for i in range(3)])
+    said = b'{"says": "GPS_RAW_INT"}', document(1, 'ATTITUDE', by='GPS_RAW_INT'), b'"GPS_RAW_INT"'
+    path = write_json([('chat', START_NS + i, message) for i, message in enumerate(said)])
     (source,) = list_sources(path)
-    assert not source.usable
+    assert (source.usable, source.note) == (False, 'not a position')
+
+
+def test_a_damaged_chunk_does_not_hide_what_else_there_is(write_frames: Write) -> None:
+    path = write_frames(stream(40))
+    data = bytearray(path.read_bytes())
+    data[len(data) // 3] ^= 0xFF
+    path.write_bytes(data)
+    (source,) = list_sources(path)
+    assert (source.topic, source.usable) == (TOPIC, False)
+    assert 'byte' in source.note
 
 
 def test_frames_of_ros_1(write_log: Write) -> None:

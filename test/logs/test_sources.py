@@ -123,6 +123,24 @@ def test_the_source_with_more_messages_is_taken_and_named(write_log: Write) -> N
         read_track(path, '/b')
 
 
+@pytest.mark.parametrize(('every', 'first'), [(1, 'global'), (2, 'global'), (3, 'raw/fix')])
+def test_the_fused_fix_comes_before_the_raw_one(write_log: Write, every: int, first: str) -> None:
+    """Of mavros' two the raw one used to be taken wherever it had a few messages more."""
+    space = '/uav1/mavros/global_position'
+    raw = [(f'{space}/raw/fix', ns, data) for _, ns, data in fixes(20)]
+    fused = [(f'{space}/global', ns, data) for _, ns, data in fixes(20)[::every]]
+    path = write_log(raw + fused, {f'{space}/raw/fix': FIX, f'{space}/global': FIX})
+    assert read_track(path).source == f'{space}/{first}'
+    assert read_track(path, f'{space}/raw/fix').source == f'{space}/raw/fix'
+
+
+def test_raw_alone_or_of_another_vehicle_is_no_reason(write_log: Write) -> None:
+    one, other = '/a/gps/raw/fix', '/b/gps/fix'
+    few = [(other, ns, data) for _, ns, data in fixes(19)]
+    path = write_log([(one, ns, d) for _, ns, d in fixes(20)] + few, {one: FIX, other: FIX})
+    assert read_track(path).source == one
+
+
 def test_a_source_without_a_fix_is_passed_over(write_log: Write) -> None:
     lost = [('/a/fix', ns, data) for _, ns, data in fixes(50, status=-1)]
     track = read_track(write_log(fixes(20) + lost, {'/fix': FIX, '/a/fix': FIX}))
