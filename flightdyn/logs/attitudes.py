@@ -197,11 +197,13 @@ def _of_header(columns: Columns, prefix: str) -> Array | None:
 
 def _of_px4(columns: Columns, rows: Rows) -> Array | None:
     """Return q_eb: w, x, y, z of FRD in NED already."""
-    quaternion = np.full((len(columns), 4), np.nan)
+    parts = columns['q']
+    if parts.ndim == 2:
+        return sound_attitude(parts.astype(float), in_ned=True)
+    quaternion = np.full((len(columns), 4), np.nan)  # ulog2mcap has lists of any length
     for row in rows.used:
-        parts = columns['q'][row]
-        if parts is not None and len(parts) == 4:
-            quaternion[row] = parts
+        if parts[row] is not None and len(parts[row]) == 4:
+            quaternion[row] = parts[row]
     return sound_attitude(quaternion, in_ned=True)
 
 

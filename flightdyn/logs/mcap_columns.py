@@ -122,4 +122,5 @@ def filled(
         log_time[rows], publish_time[rows] = batch.log_time, batch.publish_time
         part = {name: column[rows] for name, column in values.items()}
         fault[rows] = decoder.decode(batch.data, batch.start, batch.end, part)
-    return Columns(log_time, publish_time, values, fault, fault_names)
+    columns = Columns(log_time, publish_time, values, fault, fault_names)
+    return columns if at == size else columns.at(np.arange(at))  # damaged counts promise more

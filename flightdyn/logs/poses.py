@@ -82,8 +82,8 @@ def sound_attitude(quaternion: Array, *, in_ned: bool) -> Array | None:
     if not in_ned:
         w, x, y, z = quaternion.T
         attitude = np.stack(frames.ned_attitude_from_ros((w, x, y, z)), axis=1)
-    norm = np.linalg.norm(attitude, axis=1, keepdims=True)
-    with np.errstate(invalid='ignore', divide='ignore'):
+    with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
+        norm = np.linalg.norm(attitude, axis=1, keepdims=True)
         attitude = np.where(np.abs(norm - 1) < 0.01, attitude / norm, np.nan)
     return attitude if np.isfinite(attitude).any() else None
 

@@ -278,3 +278,14 @@ def test_a_schema_is_known_by_its_id_not_its_name(write_log: Callable[..., Path]
         columns = read_columns(log, [1], ['latitude', 'longitude'])
     assert columns['latitude'][0] == 48
     assert columns['longitude'][0] == 9
+
+
+def test_counts_that_promise_more_messages_than_there_are_add_no_rows(glider_log: Path) -> None:
+    """Rows that were never filled used to look like sound messages with zeros and None."""
+    with McapFile(glider_log) as log:
+        whole = read_columns(log, [1], FIX_FIELDS)
+        log.message_counts[1] += 7
+        columns = read_columns(log, [1], FIX_FIELDS)
+    assert len(columns) == len(whole) == 900
+    assert_array_equal(columns['latitude'], whole['latitude'])
+    assert None not in columns['header.frame_id']
