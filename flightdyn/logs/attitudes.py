@@ -128,6 +128,11 @@ def with_mavlink_attitude(
     return _with_attitude(track, attitude, f'system {sender.system} in ATTITUDE')
 
 
+def with_attitude(track: Track, time: NDArray[np.int64], attitude: Array, name: str) -> Track:
+    """Return a track with an attitude q_eb (m, 4) measured at times (m,) [ns] of its clock."""
+    return _with_attitude(track, _interpolated(time, attitude, track.time_ns), name)
+
+
 def _with_attitude(track: Track, attitude: Array, name: str) -> Track:
     """Return the track with an attitude (n, 4), or without it and a warning if it is none."""
     known = np.isfinite(attitude).all(axis=1)
