@@ -44,6 +44,7 @@ test = [
     'mcap-ros2-support>=0.6,<0.7',
     'scipy>=1.15,<2',
     'pyulog>=1,<2',
+    'flatbuffers>=24,<26',
     'setuptools>=70.1,<80',  # below 70.1 it makes no wheels by itself; 80 is too new for colcon
 ]
 

@@ -9,11 +9,10 @@ from .choosing import check_range, first_usable
 from .formats import bags, dataflash, gpx, igc, phone_csv, tlog, ulog
 from .formats.reading import OpenedLog
 from .info import LogInfo, log_info
-from .kinds import ORDER
 from .mcap_container import McapFile
 from .mcap_records import MAGIC, OTHER_FORMATS
 from .provenance import converted_topics, with_motion, with_provenance
-from .sources import METADATA_NAME, Source
+from .sources import METADATA_NAME, Source, ranked
 from .sources import read_track as read_mcap_track
 from .track import Track
 
@@ -173,15 +172,7 @@ def _unknown(head: bytes, path: Path) -> str:
 
 
 def _ranked(sources: list[Source]) -> list[Source]:
-    if any(source.rank >= 0 for source in sources):
-        return sources
-
-    def place(source: Source) -> tuple[bool, int, int, str]:
-        kind = ORDER.index(source.kind) if source.usable else len(ORDER)
-        return (not source.usable, kind, -source.messages, source.topic)
-
-    ranked = sorted(sources, key=place)
-    return [replace(s, rank=i if s.usable else -1) for i, s in enumerate(ranked)]
+    return sources if any(source.rank >= 0 for source in sources) else ranked(sources)
 
 
 def _listed(sources: list[Source]) -> str:

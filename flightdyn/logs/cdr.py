@@ -91,8 +91,8 @@ class CdrDecoder:
         Parsed message definitions by full name (`pkg/msg/Type`).
     type_name : str
     fields : sequence of str
-        Dotted names of numbers, fixed arrays of numbers, strings, sequences of numbers and
-        sequences of strings.
+        Dotted names of numbers, fixed arrays of numbers, strings, sequences of numbers, of
+        strings, and of messages: these are lists of mappings from the dotted names in them.
 
     Raises
     ------
@@ -112,9 +112,6 @@ class CdrDecoder:
         self.type_name = type_name
         self._steps = steps[: 1 + max((by_name[name] for name in fields), default=-1)]
         self._wanted = {name: steps[by_name[name]] for name in fields}
-        for name, step in self._wanted.items():
-            if isinstance(step, _Sequence) and step.element is None:
-                raise LogError(f'{type_name}.{name} is a sequence of messages: not a column')
 
     def empty(self, size: int) -> dict[str, NDArray[Any]]:
         """Return columns of `size` rows: zeros, None for what has no fixed size."""
@@ -357,7 +354,7 @@ class _Cursor:
         count = count[ok][ok2]
         if count.size == 0:
             return
-        lists: list[list[str]] = [[] for _ in range(count.size)]
+        lists: list[list[Any]] = [[] for _ in range(count.size)]
         inner: tuple[_Step, ...] = (_Text('text'),) if step.element else step.steps
         pos = np.broadcast_to(np.asarray(self.pos, np.int64), count.shape).copy()
         alive = np.ones(count.size, bool)
@@ -375,15 +372,16 @@ class _Cursor:
                 np.zeros(count.size, np.uint8),
             )
             part.pos = pos[these]
-            columns = {'text': np.empty(count.size, object)} if wanted else {}
+            columns = {each.name: _column(each, count.size) for each in inner if wanted}
             part.run(inner, columns)
-            part.fetch({})
+            part.fetch(columns)
             pos[part.rows] = part.pos
             alive[these] = part.fault[these] == 0
             self.fault[self.rows[these]] = part.fault[these]
             if wanted:
                 for row in part.rows:
-                    lists[row].append(columns['text'][row])
+                    element = {name: column[row] for name, column in columns.items()}
+                    lists[row].append(element['text'] if step.element else element)
         self.pos = pos
         kept = self._keep(alive, None)
         if wanted:

@@ -21,6 +21,7 @@ from .. import frames
 from ..errors import LogError
 from .decoders import decodable, decoded_columns
 from .definitions import full_name
+from .kinds import is_wanted
 from .mcap_container import McapFile, Schema
 from .measurements import ODOMETRY_FIELDS, Array, contradiction, odometry_measurements, stamp_ns
 from .timeline import Rows, choose_clock
@@ -35,9 +36,6 @@ _FIELDS = {
     'nav_msgs/msg/Odometry': ODOMETRY_FIELDS,
 }
 _ODOMETRY = 'nav_msgs/msg/Odometry'
-
-# What is wanted of a vehicle agrees with what it did, and is no measurement.
-_WANTED_NOT_MEASURED = ('setpoint', 'cmd', 'command', 'target', 'desired', 'reference')
 
 _NEAR_NS = 50 * 10**6
 _BRIDGE_NS = 2 * 10**9  # velocity is interpolated between samples no further apart
@@ -67,7 +65,8 @@ def with_companion_velocity(
     ----------
     log : McapFile
     track : Track
-        Fixes without velocity, read from `log`.
+        Positions without velocity, read from `log`. The topic itself is asked, too: where it is
+        Odometry its velocity may have been refused for the axes that its frames name.
     log_time : int array (n,)
         When each of them was recorded [ns].
     stamped : bool
@@ -104,11 +103,11 @@ def _candidates(log: McapFile, topic: str) -> list[_Candidate]:
         schema = log.schemas.get(channel.schema_id)
         if schema is None or full_name(schema.name) not in _FIELDS:
             continue
-        if not decodable(schema, channel.message_encoding) or channel.topic == topic:
+        if not decodable(schema, channel.message_encoding):
             continue
-        if any(word in channel.topic.lower() for word in _WANTED_NOT_MEASURED):
+        if is_wanted(channel.topic):  # it agrees with what the vehicle did
             continue
-        if _shared(topic, channel.topic) > 0:
+        if shared_name_spaces(topic, channel.topic) > 0:
             grouped.setdefault((channel.topic, channel.schema_id), []).append(channel.id)
     found = [
         _Candidate(name, log.schemas[schema], tuple(ids))
@@ -117,12 +116,12 @@ def _candidates(log: McapFile, topic: str) -> list[_Candidate]:
 
     def place(candidate: _Candidate) -> tuple[int, int, str]:
         messages = sum(log.message_counts[key] for key in candidate.channels)
-        return (-_shared(topic, candidate.topic), -messages, candidate.topic)
+        return (-shared_name_spaces(topic, candidate.topic), -messages, candidate.topic)
 
     return sorted(found, key=place)
 
 
-def _shared(topic: str, other: str) -> int:
+def shared_name_spaces(topic: str, other: str) -> int:
     """Return how many name spaces two topics share, the root only if neither is in another."""
     mine, its = topic.strip('/').split('/')[:-1], other.strip('/').split('/')[:-1]
     if not mine or not its:

@@ -7,11 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import LogError
-from . import cdr, protobuf
+from . import cdr, json_columns, protobuf
 from .definitions import full_name, parse_definitions
 from .mcap_columns import Columns, filled, make_decoder
 from .mcap_container import McapFile, Schema
 from .ros1 import Ros1Decoder, ros1_definitions
+
+_FAULTS = {'protobuf': protobuf.FAULTS, 'json': json_columns.FAULTS}
 
 
 class Decoder(Protocol):
@@ -34,7 +36,8 @@ def decodable(schema: Schema, encoding: str) -> bool:
     """Return whether messages of a schema and encoding can be turned into columns."""
     if encoding == 'cdr':
         return True
-    return (encoding, schema.encoding) in (('ros1', 'ros1msg'), ('protobuf', 'protobuf'))
+    known = (('ros1', 'ros1msg'), ('protobuf', 'protobuf'), ('json', 'jsonschema'))
+    return (encoding, schema.encoding) in known
 
 
 def field_names(schema: Schema, encoding: str) -> set[str]:
@@ -47,6 +50,8 @@ def field_names(schema: Schema, encoding: str) -> set[str]:
     """
     if encoding == 'protobuf':
         return set(protobuf.field_names(protobuf.message_types(schema), schema.name))
+    if encoding == 'json':
+        return json_columns.field_names(schema)
     definitions = ros1_definitions(schema) if encoding == 'ros1' else parse_definitions(schema)
     return {step.name for step in cdr.flatten(definitions, full_name(schema.name))}
 
@@ -61,6 +66,8 @@ def decoder_of(schema: Schema, encoding: str, fields: Sequence[str]) -> Decoder:
     """
     if encoding == 'protobuf':
         return protobuf.ProtobufDecoder(schema, fields)
+    if encoding == 'json':
+        return json_columns.JsonDecoder(schema, fields)
     return Ros1Decoder(schema, fields) if encoding == 'ros1' else make_decoder(schema, fields)
 
 
@@ -85,5 +92,5 @@ def decoded_columns(log: McapFile, channel_ids: Sequence[int], fields: Sequence[
         decoder = decoder_of(log.schemas[channel.schema_id], encoding, fields)
     except LogError as error:
         raise LogError(f'{log.path}: topic {channel.topic}: {error}') from None
-    names = protobuf.FAULTS if encoding == 'protobuf' else cdr.FAULTS
+    names = _FAULTS.get(encoding, cdr.FAULTS)
     return filled(log, channel_ids, decoder, names)

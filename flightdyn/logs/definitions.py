@@ -1,5 +1,6 @@
 """Message definitions: from the text in a log, or built in for well-known types."""
 
+import re
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any, Literal
@@ -20,18 +21,23 @@ class Field:
     size: int = 0
 
 
+_IDL_RULE = re.compile(r'^={80}\r?\nIDL: [^\n]*$', re.MULTILINE)
+_IDL_DIRECTIVE = re.compile(r'^[ \t]*#.*$', re.MULTILINE)  # what is included is there anyway
+
 Definitions = dict[str, tuple[Field, ...]]
 
 
 def full_name(name: str) -> str:
-    """Return `pkg/msg/Type` of `pkg/Type`, `pkg/msg/Type` or `pkg::msg::Type`."""
+    """Return `pkg/msg/Type` of `pkg/Type`, `pkg::msg::Type` or DDS's `pkg::msg::dds_::Type_`."""
     parts = name.replace('::', '/').split('/')
+    if len(parts) == 4 and parts[2] == 'dds_':
+        parts = [*parts[:2], parts[3].removesuffix('_')]
     return f'{parts[0]}/msg/{parts[1]}' if len(parts) == 2 else '/'.join(parts)
 
 
 @lru_cache(maxsize=64)
 def parse_definitions(schema: 'Schema') -> Definitions:
-    """Return the definitions in a ROS 2 schema (`ros2msg`, `ros2idl`).
+    """Return the definitions in a schema of CDR messages (`ros2msg`, `ros2idl`, `omgidl`).
 
     A schema without text, as bags recorded without definitions have them, takes the built-in
     definition of its name.
@@ -52,8 +58,11 @@ def parse_definitions(schema: 'Schema') -> Definitions:
             raise LogError(f'schema {schema.name} has no text and is not a standard type')
         return known
     try:
-        if schema.encoding == 'ros2idl':
-            types: dict[str, Any] = get_types_from_idl(text)
+        if schema.encoding in ('ros2idl', 'omgidl'):
+            types: dict[str, Any] = {}
+            for part in _IDL_RULE.split(text):
+                if part.strip():
+                    types |= get_types_from_idl(_IDL_DIRECTIVE.sub('', part))
         elif schema.encoding == 'ros2msg':
             types = get_types_from_msg(text, name)
         else:
@@ -86,11 +95,11 @@ def _convert(types: dict[str, Any]) -> Definitions:
             (_, inner), size = rest
             type_name = inner if isinstance(inner, str) else inner[0]
             if kind == Nodetype.ARRAY:
-                return Field(name, type_name, 'array', size)
-            return Field(name, type_name, 'sequence')
-        return Field(name, rest if kind == Nodetype.NAME else rest[0], 'scalar')
+                return Field(name, full_name(type_name), 'array', size)
+            return Field(name, full_name(type_name), 'sequence')
+        return Field(name, full_name(rest if kind == Nodetype.NAME else rest[0]), 'scalar')
 
     return {
-        key: tuple(convert(name, node) for name, node in fields)
+        full_name(key): tuple(convert(name, node) for name, node in fields)
         for key, (_, fields) in types.items()
     }

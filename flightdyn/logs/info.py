@@ -55,7 +55,7 @@ class LogInfo:
 
 
 def log_info(path: str | Path) -> LogInfo:
-    """Return what is in a log; message contents are not read.
+    """Return what is in a log; of message contents only the senders of MAVLink are read.
 
     Raises
     ------

@@ -4,22 +4,28 @@ Kinds in the order in which replay prefers them in a foreign log:
 
 1. `gnss`: a receiver's message with position and velocity (PX4 SensorGps, u-blox NAV-PVT,
    GPSFix);
-2. `fix`: NavSatFix, LocationFix (with the velocity of a companion topic, if one agrees);
-3. `gps_raw`: mavros GPSRAW, 4. `nmea`: a receiver's message without vertical velocity;
-5. `global`: an estimator's position on earth, which goes wrong with the estimator (PX4
-   VehicleGlobalPosition);
-6. `odometry`: Odometry, 7. `local`: PX4 VehicleLocalPosition: metres from some origin;
-8. `vehicle_state`: flightdyn's own.
+2. `fix`: NavSatFix, LocationFix, LocationFixes (with the velocity of a companion topic, if one
+   agrees);
+3. `global`: an estimator's position on earth, which goes wrong with the estimator (PX4
+   VehicleGlobalPosition, MAVLink GLOBAL_POSITION_INT, GeoPoseStamped);
+4. `gps_raw`: mavros GPSRAW, MAVLink GPS_RAW_INT and GPS2_RAW, 5. `nmea`: a receiver's message
+   without vertical velocity;
+6. `odometry`: Odometry, 7. `local`: PX4 VehicleLocalPosition, MAVLink LOCAL_POSITION_NED: metres
+   from some origin;
+8. `pose`: PoseStamped, which may be of anything, 9. `vehicle_state`: flightdyn's own.
+
+What is wanted of a vehicle (set points, goals; told by the topic's name) comes after all that.
 
 In flightdyn's own recordings Odometry comes first (it has velocity and attitude), then
 VehicleState, then the others in the order above.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from ..errors import LogError
-from . import gnss, nmea, px4
+from . import gnss, location_fix, nmea, poses, px4
 from .decoders import decodable, decoder_of, field_names
 from .definitions import full_name
 from .mcap_columns import Columns
@@ -36,15 +42,21 @@ from .measurements import (
 )
 from .timeline import Rows
 
-ORDER = ('gnss', 'fix', 'gps_raw', 'nmea', 'global', 'odometry', 'local', 'vehicle_state')
-OWN_ORDER = ('odometry', 'vehicle_state', *ORDER[:5], 'local')
+ORDER = ('gnss', 'fix', 'global', 'gps_raw', 'nmea', 'odometry', 'local', 'pose', 'vehicle_state')
+OWN_ORDER = ('odometry', 'vehicle_state', *ORDER[:5], 'local', 'pose')
 
 USABLE = (
-    'sensor_msgs/NavSatFix, nav_msgs/Odometry, flightdyn_msgs/VehicleState, gps_msgs/GPSFix, '
+    'sensor_msgs/NavSatFix, nav_msgs/Odometry, geographic_msgs/GeoPoseStamped, '
+    'geometry_msgs/PoseStamped, flightdyn_msgs/VehicleState, gps_msgs/GPSFix, '
     'ublox_msgs/NavPVT, mavros_msgs/GPSRAW, nmea_msgs/Sentence (ROS 1 or 2), '
-    'foxglove.LocationFix (CDR, JSON, protobuf), PX4 GPS, global and local position (px4_msgs, '
-    'ulog2mcap)'
+    'foxglove.LocationFix and LocationFixes (CDR, JSON, protobuf, flatbuffer), PX4 GPS, global '
+    'and local position (px4_msgs, ulog2mcap), MAVLink (mavros_msgs/Mavlink, mavlink-server)'
 )
+
+# What PX4's translation node calls the former versions of a message.
+_OLD_PX4 = re.compile(r'^px4_msgs_old/msg/(\w+?)V\d+$')
+
+_WANTED_NOT_MEASURED = ('setpoint', 'goal', 'cmd', 'command', 'target', 'desired', 'reference')
 
 
 @dataclass(frozen=True)
@@ -69,17 +81,27 @@ class Kind:
     optional: tuple[str, ...] = ()
 
 
-LOCATION_FIX = Kind('fix', (LOCATION_FIX_FIELDS,), fix_measurements)
+LOCATION_FIXES = Kind('fix', (), location_fix.measurements)
+"""LocationFix and LocationFixes that are no plain columns."""
+
+_LOCATION_FIX = Kind(
+    'fix', (LOCATION_FIX_FIELDS,), fix_measurements, ('velocity_x', 'velocity_y', 'velocity_z')
+)
 _PX4_GPS = Kind('gnss', px4.GPS_FIELDS, px4.gps_measurements, px4.GPS_OPTIONAL)
 _PX4_GLOBAL = Kind('global', px4.GLOBAL_FIELDS, px4.global_measurements, px4.GLOBAL_OPTIONAL)
 _PX4_LOCAL = Kind('local', px4.LOCAL_FIELDS, px4.local_measurements, px4.LOCAL_OPTIONAL)
 _GPS_FIX = Kind('gnss', gnss.GPS_FIX_FIELDS, gnss.gps_fix_measurements, gnss.GPS_FIX_OPTIONAL)
 _NAV_PVT = Kind('gnss', gnss.NAV_PVT_FIELDS, gnss.nav_pvt_measurements, gnss.NAV_PVT_OPTIONAL)
 
+_POSE = Kind('pose', poses.POSE_FIELDS, poses.pose_measurements)
+_GEO_POSE = Kind('global', poses.GEO_POSE_FIELDS, poses.geo_pose_measurements)
+
 _KINDS = {
     'sensor_msgs/msg/NavSatFix': Kind('fix', (FIX_FIELDS,), fix_measurements),
-    'foxglove_msgs/msg/LocationFix': LOCATION_FIX,
-    'foxglove.LocationFix': LOCATION_FIX,
+    'foxglove_msgs/msg/LocationFix': _LOCATION_FIX,
+    'foxglove.LocationFix': _LOCATION_FIX,
+    'foxglove_msgs/msg/LocationFixes': LOCATION_FIXES,
+    'foxglove.LocationFixes': LOCATION_FIXES,
     'nav_msgs/msg/Odometry': Kind('odometry', (ODOMETRY_FIELDS,), odometry_measurements),
     'flightdyn_msgs/msg/VehicleState': Kind(
         'vehicle_state', (VEHICLE_STATE_FIELDS,), vehicle_state_measurements
@@ -99,6 +121,10 @@ _KINDS = {
     'mavros_msgs/msg/GPSRAW': Kind(
         'gps_raw', gnss.GPS_RAW_FIELDS, gnss.gps_raw_measurements, gnss.GPS_RAW_OPTIONAL
     ),
+    'geographic_msgs/msg/GeoPoseStamped': _GEO_POSE,
+    'geographic_msgs/msg/GeoPoseWithCovarianceStamped': _GEO_POSE,
+    'geometry_msgs/msg/PoseStamped': _POSE,
+    'geometry_msgs/msg/PoseWithCovarianceStamped': _POSE,
     'nmea_msgs/msg/Sentence': Kind('nmea', nmea.SENTENCE_FIELDS, nmea.sentence_measurements),
 }
 
@@ -110,7 +136,7 @@ def kind_of(schema: Schema, encoding: str) -> Kind | None:
 
 def kind_named(schema_name: str) -> Kind | None:
     """Return the kind of source that a schema's name stands for, None if it is none."""
-    return _KINDS.get(full_name(schema_name))
+    return _KINDS.get(_OLD_PX4.sub(r'px4_msgs/msg/\1', full_name(schema_name)))
 
 
 def fields_of(kind: Kind, schema: Schema, encoding: str) -> tuple[str, ...]:
@@ -130,3 +156,8 @@ def fields_of(kind: Kind, schema: Schema, encoding: str) -> tuple[str, ...]:
     fields = (*layout, *extra)
     decoder_of(schema, encoding, fields)
     return fields
+
+
+def is_wanted(topic: str) -> bool:
+    """Return whether a topic's name says that it is wanted of a vehicle, and no measurement."""
+    return any(word in topic.lower() for word in _WANTED_NOT_MEASURED)

@@ -128,11 +128,17 @@ def fix_measurements(columns: Columns, rows: Rows, warnings: list[str]) -> Measu
     std = _std(_swap_covariance(covariance, frames.ned_from_enu))
     std[columns['position_covariance_type'] == 0] = np.nan
     prefix = 'header.stamp' if 'header.stamp.sec' in columns.values else 'timestamp'
+    velocity = None
+    if 'velocity_x' in columns.values:
+        enu = _vector(columns, [f'velocity_{axis}' for axis in 'xyz'])
+        velocity = _apply(frames.ned_from_enu, enu)
+        velocity[~np.isfinite(velocity).all(axis=1)] = np.nan
     return Measured(
         stamp=stamp_ns(columns, prefix),
         lat=lat,
         lon=lon,
         altitude=altitude,
+        velocity_ned=velocity if velocity is not None and np.isfinite(velocity).any() else None,
         position_std=std if np.isfinite(std).any() else None,
     )
 
@@ -321,20 +327,36 @@ def _displacements(track: Track, velocity: Array) -> tuple[Array, Array]:
     sound = np.isfinite(velocity).all(axis=1)
     t = (track.time_ns - track.time_ns[0])[sound] * 1e-9
     position, velocity = _metres(track)[sound], velocity[sound]
-    segment = track.segment[sound]
     if t.size < 10:
         return np.empty((0, 3)), np.empty((0, 3))
     step = np.diff(t)[:, None]
     way = np.concatenate(
         (np.zeros((1, 3)), np.cumsum(0.5 * step * (velocity[1:] + velocity[:-1]), axis=0))
     )
-    usual = float(np.median(step))
+    first, last = _windows(t, track.segment[sound])
+    time = (t[last] - t[first])[:, None]
+    return (position[last] - position[first]) / time, (way[last] - way[first]) / time
+
+
+def displacements(track: Track) -> tuple[NDArray[np.intp], Array]:
+    """Return samples (m,) and the mean velocities (m, 3) NED in the two seconds about each."""
+    t = (track.time_ns - track.time_ns[0]) * 1e-9
+    if t.size < 10:
+        return np.empty(0, np.intp), np.empty((0, 3))
+    position = _metres(track)
+    first, last = _windows(t, track.segment)
+    moved = (position[last] - position[first]) / (t[last] - t[first])[:, None]
+    return (first + last) // 2, moved
+
+
+def _windows(t: Array, segment: NDArray[np.int64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the ends of windows of about two seconds in one segment."""
+    usual = float(np.median(np.diff(t)))
     stride = int(np.clip(round(_CHECK_WINDOW_S / max(usual, 1e-9)), 1, t.size // 2))
-    time = t[stride:] - t[:-stride]
-    whole = (segment[stride:] == segment[:-stride]) & (time > 0)
-    time = time[whole][:, None]
-    moved = (position[stride:] - position[:-stride])[whole] / time
-    return moved, (way[stride:] - way[:-stride])[whole] / time
+    first = np.arange(t.size - stride)
+    last = first + stride
+    whole = (segment[last] == segment[first]) & (t[last] > t[first])
+    return first[whole], last[whole]
 
 
 def _metres(track: Track) -> Array:

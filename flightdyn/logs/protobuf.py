@@ -66,6 +66,8 @@ _TYPES: dict[int, tuple[str, Callable[[_Value], Any]]] = {
     18: ('i8', _varint_as(64, signed=True, zigzag=True)),
 }
 
+_FLOATS = {1: np.dtype('<f8'), 2: np.dtype('<f4')}  # types of which repeated fields are read
+
 
 @dataclass(frozen=True)
 class Field:
@@ -118,10 +120,15 @@ def _add_type(found: dict[str, tuple[Field, ...]], scope: str, message: bytes) -
 
 
 def field_names(types: dict[str, tuple[Field, ...]], name: str, above: str = '') -> list[str]:
-    """Return the dotted names of a type's single numbers, those of messages in it too."""
+    """Return the dotted names of a type's numbers, those of messages in it too.
+
+    Of repeated fields these are the ones of floating-point numbers.
+    """
     names = []
     for field in types.get(name, ()):
         if field.repeated:
+            if field.type in _FLOATS:
+                names.append(above + field.name)
             continue
         if field.type == _MESSAGE and above.count('.') < 4:  # types may contain themselves
             names += field_names(types, field.type_name, f'{above}{field.name}.')
@@ -138,7 +145,8 @@ class ProtobufDecoder:
     schema : Schema
         Its data are a FileDescriptorSet, its name the message type.
     fields : sequence of str
-        Dotted names of single numbers.
+        Dotted names as `field_names` gives them. Repeated ones become columns of arrays, None
+        where a message has no element.
 
     Raises
     ------
@@ -166,7 +174,10 @@ class ProtobufDecoder:
         branch: dict[int, Any] = {}
         for field in types[type_name]:
             name = above + field.name
-            if name in wanted:
+            if name in wanted and field.repeated:
+                self._codes[name] = 'O'
+                branch[field.number] = (name, _FLOATS[field.type])
+            elif name in wanted:
                 code, convert = _TYPES[field.type]
                 self._codes[name] = code
                 branch[field.number] = (name, convert)
@@ -175,8 +186,11 @@ class ProtobufDecoder:
         return branch
 
     def empty(self, size: int) -> dict[str, NDArray[Any]]:
-        """Return columns of `size` rows: proto3 does not write a zero."""
-        return {name: np.zeros(size, code) for name, code in self._codes.items()}
+        """Return columns of `size` rows: proto3 does not write a zero, nor an empty list."""
+        return {
+            name: np.full(size, None) if code == 'O' else np.zeros(size, code)
+            for name, code in self._codes.items()
+        }
 
     def decode(
         self,
@@ -205,9 +219,16 @@ class ProtobufDecoder:
                 if not isinstance(value, bytes):
                     raise TypeError('expected a message')
                 self._message(value, what, row, into)
-            else:
-                name, convert = what
+                continue
+            name, convert = what
+            if not isinstance(convert, np.dtype):
                 into[name][row] = convert(value)
+            elif isinstance(value, bytes):  # packed, or one element of many
+                before = into[name][row]
+                values = np.frombuffer(value, convert)
+                into[name][row] = values if before is None else np.append(before, values)
+            else:
+                raise TypeError('expected fixed bytes')
 
 
 def wire(message: bytes) -> Iterator[tuple[int, _Value]]:

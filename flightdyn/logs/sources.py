@@ -1,13 +1,17 @@
 """Position sources of a log: which there are, and the track that one of them measured.
 
 What a topic holds is told by its schema and the fields in it, not by the topic's name. Of several
-usable sources the kind decides, in the order of `kinds`; among equals the one with more messages,
-then the topic first in the alphabet. Positions of several sources are never merged; where a
-position on earth comes without velocity, that of a topic beside it that agrees is taken, see
-`companions`.
+usable sources the kind decides, in the order of `kinds`. Among equals what is in a name space
+`raw` comes after the same message from the name space above it, which is the estimator's, unless
+that has less than half as many (mavros: `global_position/global` before
+`global_position/raw/fix`); then the one with more messages, then the topic first in the alphabet.
+Of MAVLink's senders autopilots come before other components, and ground stations after all.
+Positions of several sources are never merged; where a position on earth comes without velocity,
+that of a topic beside it that agrees is taken, see `companions`.
 """
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,20 +20,23 @@ import numpy as np
 
 from ..environment.geodesy import GeodeticPoint
 from ..errors import InputError, LogError
-from . import location_fix
+from . import location_fix, mavlink, mavlink_topics
+from .attitudes import is_attitude, with_companion_attitude, with_mavlink_attitude
 from .choosing import check_range, choose_samples, first_usable
 from .companions import is_velocity, with_companion_velocity
 from .decoders import decodable, decoded_columns
 from .kinds import (
-    LOCATION_FIX,
+    LOCATION_FIXES,
     ORDER,
     OWN_ORDER,
     USABLE,
     Kind,
     fields_of,
+    is_wanted,
     kind_named,
     kind_of,
 )
+from .mavlink_topics import Sender
 from .mcap_container import McapFile, Schema
 from .measurements import Measured, with_checked_velocity
 from .timeline import Rows, choose_clock
@@ -38,6 +45,8 @@ from .track import Datum, Track
 METADATA_NAME = 'flightdyn'
 """Name of the metadata record in flightdyn's own recordings."""
 
+_ENU = ('pose', 'odometry')  # local positions in the axes that velocities beside them have
+_WANTED = 3  # standing of what is no measurement, after that of MAVLink's ground stations
 _TOPICS_SHOWN = 12  # an error is one line
 
 
@@ -59,6 +68,10 @@ class Source:
         Why it is not usable.
     channels : tuple of int
         Ids of its channels in the file.
+    sender : Sender or None
+        Whose messages of the topic these are, where it holds those of several MAVLink systems.
+    standing : int
+        A source of less standing comes after all others, whatever its kind.
     """
 
     topic: str
@@ -70,11 +83,14 @@ class Source:
     rank: int = -1
     note: str = ''
     channels: tuple[int, ...] = ()
+    sender: Sender | None = None
+    standing: int = 0
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything but the channel ids, for JSON."""
+        """Return what is of use outside this program, for JSON."""
         values = asdict(self)
-        del values['channels']
+        for name in ('channels', 'sender', 'standing'):
+            del values[name]
         return values
 
 
@@ -99,13 +115,87 @@ def list_sources(log: McapFile | str | Path) -> list[Source]:
         grouped.setdefault(key, []).append(channel.id)
     found = [_describe(log, *key, tuple(ids)) for key, ids in grouped.items()]
     order = OWN_ORDER if log.metadata_record(METADATA_NAME) else ORDER
+    return ranked(_with_senders(log, found), order)
 
-    def place(source: Source) -> tuple[bool, int, int, str]:
-        kind = order.index(source.kind) if source.usable else len(order)
-        return (not source.usable, kind, -source.messages if source.usable else 0, source.topic)
 
-    found.sort(key=place)
+def ranked(sources: Sequence[Source], order: Sequence[str] = ORDER) -> list[Source]:
+    """Return sources in the order in which they are preferred, with their ranks."""
+    usable = [source for source in sources if source.usable]
+
+    def place(source: Source) -> tuple[bool, int, int, bool, int, str]:
+        if not source.usable:
+            return (True, 0, 0, False, 0, source.topic)
+        kind, raw = order.index(source.kind), _raw_beside_fused(source, usable)
+        return (False, source.standing, kind, raw, -source.messages, source.topic)
+
+    found = sorted(sources, key=place)
     return [replace(s, rank=i if s.usable else -1) for i, s in enumerate(found)]
+
+
+def _raw_beside_fused(source: Source, others: Sequence[Source]) -> bool:
+    """Return whether a source is in a name space `raw` and one like it is in that above."""
+    above, raw, _ = source.topic.rpartition('/raw/')
+    return bool(raw) and any(
+        other.schema == source.schema
+        and other.topic.rpartition('/')[0] == above
+        and 2 * other.messages >= source.messages
+        for other in others
+    )
+
+
+def _with_senders(log: McapFile, found: Sequence[Source]) -> list[Source]:
+    """Return the sources, and those of each MAVLink system in topics that hold several."""
+    frames = [s for s in found if _may_be_mavlink(log, s, mavlink_topics.holds_frames)]
+    texts = [s for s in found if _may_be_mavlink(log, s, mavlink_topics.may_hold_json)]
+    senders: dict[tuple[int, ...], Counter[Sender]] = {}
+    failure = ''
+    try:
+        for source in frames:
+            senders[source.channels] = mavlink_topics.frame_senders(log, source.channels)
+        by_channel = mavlink_topics.json_senders(log, [key for s in texts for key in s.channels])
+        for source in texts:
+            each = (by_channel.get(key, Counter()) for key in source.channels)
+            senders[source.channels] = sum(each, Counter())
+    except LogError as error:  # what else is in the log is told even if it is damaged
+        failure = str(error)
+    sources: list[Source] = []
+    for source in found:
+        if source in frames:
+            nothing = failure or 'MAVLink without a message of position'
+            sources += _split(source, senders.get(source.channels, Counter()), nothing)
+        elif source in texts:
+            sources += _split(source, senders.get(source.channels, Counter()), failure)
+        else:
+            sources.append(source)
+    return sources
+
+
+def _may_be_mavlink(log: McapFile, source: Source, holds: Callable[[Schema, str], bool]) -> bool:
+    schema = log.schemas.get(log.channels[source.channels[0]].schema_id)
+    return schema is not None and not source.kind and holds(schema, source.encoding)
+
+
+def _split(source: Source, senders: Counter[Sender], nothing: str) -> list[Source]:
+    """Return a topic's sources, one for each sender; `nothing` is said where there is none."""
+    parts = [
+        replace(
+            source,
+            topic=f'{source.topic}/{sender}',
+            kind=sender.message.kind,
+            messages=count,
+            usable=True,
+            note='',
+            sender=sender,
+            standing=mavlink.standing(sender.system, sender.component),
+        )
+        for sender, count in senders.most_common(mavlink_topics.MAX_SENDERS)
+    ]
+    if not parts:
+        return [replace(source, note=nothing or source.note)]
+    if source.encoding == 'json' and len(parts) == 1 and parts[0].messages == source.messages:
+        return [replace(parts[0], topic=source.topic)]
+    note = 'MAVLink: each system and message is a source of its own'
+    return [*parts, replace(source, note=note)]
 
 
 def _describe(
@@ -122,24 +212,28 @@ def _describe(
     if kind is None:
         if is_velocity(schema, encoding):
             return replace(source, note='a velocity: used with a fix beside it that agrees')
+        if is_attitude(schema.name) and decodable(schema, encoding):
+            return replace(source, note='an attitude: used with positions beside it')
         meant = kind_named(schema.name)
         if meant is None and (decodable(schema, encoding) or encoding == 'json'):
-            return replace(source, note='not a position, or not readable yet')
-        unreadable = f"message encoding '{encoding}' of {schema.name} is not readable yet"
+            return replace(source, note='not a position')
+        unreadable = f"message encoding '{encoding}' of {schema.name} cannot be read"
         return replace(source, kind=meant.name if meant else '', note=unreadable)
-    if not location_fix.readable(schema, encoding):
-        try:
+    try:
+        if location_fix.readable(schema, encoding):
+            location_fix.check(schema, encoding)
+        else:
             fields_of(kind, schema, encoding)
-        except LogError as error:
-            return replace(source, kind=kind.name, note=str(error))
+    except LogError as error:
+        return replace(source, kind=kind.name, note=str(error))
     if messages == 0:
         return replace(source, kind=kind.name, note='has no messages')
-    return replace(source, kind=kind.name, usable=True)
+    return replace(source, kind=kind.name, usable=True, standing=_WANTED * is_wanted(topic))
 
 
 def _kind_of(schema: Schema, encoding: str) -> Kind | None:
     if location_fix.readable(schema, encoding):
-        return LOCATION_FIX
+        return LOCATION_FIXES
     return kind_of(schema, encoding)
 
 
@@ -184,7 +278,7 @@ def read_track(
 
 
 def _named(log: McapFile, known: Sequence[Source], topic: str) -> list[Source]:
-    named = [s for s in known if s.topic == topic]
+    named = [s for s in known if s.topic == topic or (s.sender and _holds(log, s, topic))]
     if not named:
         raise LogError(f"{log.path}: no topic '{topic}'. Topics: {_topics(known)}")
     usable = [s for s in named if s.usable]
@@ -194,6 +288,10 @@ def _named(log: McapFile, known: Sequence[Source], topic: str) -> list[Source]:
             f'{named[0].note}. Topics: {_topics(known)}. Usable would be: {USABLE}'
         )
     return usable
+
+
+def _holds(log: McapFile, source: Source, topic: str) -> bool:
+    return any(log.channels[key].topic == topic for key in source.channels)
 
 
 def _topics(known: Sequence[Source]) -> str:
@@ -221,10 +319,14 @@ def track_of(
     warnings = [*log.warnings, *notes]
     schema = log.schemas[log.channels[source.channels[0]].schema_id]
     kind = _kind_of(schema, source.encoding)
-    assert kind is not None
-    if location_fix.readable(schema, source.encoding):
+    measure = source.sender.message.measure if source.sender else kind.measure if kind else None
+    assert measure is not None
+    if source.sender:
+        columns = mavlink_topics.read_columns(log, source.channels, source.sender, warnings)
+    elif location_fix.readable(schema, source.encoding):
         columns = location_fix.read_columns(log, source.channels)
     else:
+        assert kind is not None
         fields = fields_of(kind, schema, source.encoding)
         columns = decoded_columns(log, source.channels, fields)
         if not schema.data.strip():
@@ -233,7 +335,7 @@ def track_of(
     for code, why in enumerate(columns.fault_names):
         if code:
             rows.drop(columns.fault == code, why)
-    measured = kind.measure(columns, rows, warnings)
+    measured = measure(columns, rows, warnings)
     time = choose_clock(measured.stamp, columns.log_time, rows, warnings)
     index, segment, chosen = choose_samples(
         log.path, source, time, rows, [measured.epoch], (start, end), warnings
@@ -255,10 +357,15 @@ def track_of(
         **{name: column[index] for name, column in measured.columns().items()},
     )
     track = with_checked_velocity(track)
-    if track.lat is None or track.velocity_ned is not None:
-        return track
-    stamped = time is not columns.log_time
-    return with_companion_velocity(log, track, columns.log_time[index], stamped=stamped)
+    recorded, stamped = columns.log_time[index], time is not columns.log_time
+    if track.velocity_ned is None and (track.lat is not None or source.kind in _ENU):
+        track = with_companion_velocity(log, track, recorded, stamped=stamped)
+    if source.sender and 'time_boot_ms' in columns.values:
+        rows_of_track = columns.at(index)
+        track = with_mavlink_attitude(log, track, source.channels, source.sender, rows_of_track)
+    if track.attitude is None:
+        track = with_companion_attitude(log, track, recorded, stamped=stamped)
+    return track
 
 
 def recorded_origin(own: dict[str, str], warnings: list[str]) -> GeodeticPoint | None:
@@ -278,8 +385,9 @@ def _datum(
 ) -> Datum:
     if measured.position_ned is not None and origin is None:
         return 'local'
-    # ArduPilot's DDS client puts mean sea level into NavSatFix, against the message's definition.
-    if source.topic.startswith('/ap/navsat'):
+    # ArduPilot's DDS client gives mean sea level, against the definition of the messages.
+    parts = source.topic.split('/')
+    if 'ap' in parts and any(part in ('navsat', 'geopose') for part in parts):
         warnings.append(f'{source.topic} is ArduPilot: its altitude is above mean sea level')
         return 'msl'
     return measured.datum

@@ -11,6 +11,8 @@ MIN_GAP_S = 10.0
 GAP_IN_MEDIANS = 10.0
 """A pause longer than both begins a new segment; nothing is drawn or smoothed across it."""
 
+_LEAST_DELAY = 0.02  # quantile of the delays of arrival
+
 
 @dataclass
 class Rows:
@@ -128,3 +130,24 @@ def _swap_late(time: Times, index: NDArray[np.intp], warnings: list[str]) -> NDA
     index = index.copy()
     index[where], index[where - 1] = index[where - 1], index[where].copy()
     return index
+
+
+def steady_time(count: Times, arrival: Times) -> Times:
+    """Return Unix times [ns] by a clock that counts evenly from some start.
+
+    Parameters
+    ----------
+    count : int array (n,)
+        The sender's clock [ns]; a step back by more than a second is a restart.
+    arrival : int array (n,)
+        When each sample arrived [ns, Unix]: too late by an unsteady delay, never too early.
+        The least delay counts as none; the very least may be a clock that was set.
+    """
+    restarts = np.cumsum(np.diff(count, prepend=count[:1]) < -(10**9))
+    offset = arrival - count
+    time = arrival.copy()
+    for session in np.unique(restarts):
+        these = restarts == session
+        apart = offset[these]
+        time[these] = count[these] + apart[0] + int(np.quantile(apart - apart[0], _LEAST_DELAY))
+    return time

@@ -93,13 +93,28 @@ def test_a_message_in_a_message_and_one_defined_in_another() -> None:
     root += described('where', 2, 11, type_name='.test.Root.Inner')
     root += described('many', 3, 1, label=3) + described('text', 5, 9)
     schema = schema_of(root)
-    assert field_names(message_types(schema), 'test.Root') == ['seconds', 'where.deep']
+    known = ['seconds', 'where.deep', 'many']
+    assert field_names(message_types(schema), 'test.Root') == known
     message = number(1, 12) + long(2, encoded(1, 4, 2.5)) + long(5, b'text')
     columns, fault = decode(schema, ['where.deep', 'seconds'], [message])
     assert (columns['where.deep'][0], columns['seconds'][0], fault[0]) == (2.5, 12, 0)
-    for name in ('many', 'text', 'where', 'other'):
+    for name in ('text', 'where', 'other'):
         with pytest.raises(LogError, match=f'has no field {name}; it has seconds, where.deep'):
             ProtobufDecoder(schema, [name])
+
+
+@pytest.mark.parametrize(('type_', 'code'), [(1, 'd'), (2, 'f')])
+def test_repeated_numbers_are_arrays_packed_or_not(type_: int, code: str) -> None:
+    schema = schema_of(long(1, b'Root') + described('many', 3, type_, label=3))
+    packed = long(3, struct.pack(f'<3{code}', 1, 2.5, -3))
+    single = b''.join(encoded(type_, 3, value) for value in (1.0, 2.5, -3.0))
+    columns, fault = decode(
+        schema, ['many'], [packed, single, b'', long(3, b'12345'), number(3, 1)]
+    )
+    assert_array_equal(fault, [0, 0, 0, 1, 1])
+    assert_array_equal(columns['many'][0], [1, 2.5, -3])
+    assert_array_equal(columns['many'][1], [1, 2.5, -3])
+    assert columns['many'][2] is None
 
 
 def test_a_type_that_contains_itself_ends() -> None:

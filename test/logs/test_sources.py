@@ -123,6 +123,24 @@ def test_the_source_with_more_messages_is_taken_and_named(write_log: Write) -> N
         read_track(path, '/b')
 
 
+@pytest.mark.parametrize(('every', 'first'), [(1, 'global'), (2, 'global'), (3, 'raw/fix')])
+def test_the_fused_fix_comes_before_the_raw_one(write_log: Write, every: int, first: str) -> None:
+    """Of mavros' two the raw one used to be taken wherever it had a few messages more."""
+    space = '/uav1/mavros/global_position'
+    raw = [(f'{space}/raw/fix', ns, data) for _, ns, data in fixes(20)]
+    fused = [(f'{space}/global', ns, data) for _, ns, data in fixes(20)[::every]]
+    path = write_log(raw + fused, {f'{space}/raw/fix': FIX, f'{space}/global': FIX})
+    assert read_track(path).source == f'{space}/{first}'
+    assert read_track(path, f'{space}/raw/fix').source == f'{space}/raw/fix'
+
+
+def test_raw_alone_or_of_another_vehicle_is_no_reason(write_log: Write) -> None:
+    one, other = '/a/gps/raw/fix', '/b/gps/fix'
+    few = [(other, ns, data) for _, ns, data in fixes(19)]
+    path = write_log([(one, ns, d) for _, ns, d in fixes(20)] + few, {one: FIX, other: FIX})
+    assert read_track(path).source == one
+
+
 def test_a_source_without_a_fix_is_passed_over(write_log: Write) -> None:
     lost = [('/a/fix', ns, data) for _, ns, data in fixes(50, status=-1)]
     track = read_track(write_log(fixes(20) + lost, {'/fix': FIX, '/a/fix': FIX}))
@@ -217,11 +235,18 @@ def test_odometry_twist_of_a_world_frame(write_log: Write, child: str) -> None:
     assert_allclose(read_track(path).velocity_ned, np.tile([2, 1, -3], (30, 1)), atol=1e-12)
 
 
-def test_a_velocity_against_the_positions_is_not_used(write_log: Write) -> None:
-    # As mavros: over the ground with z down, although the child frame is the body.
+def test_a_velocity_over_the_ground_with_z_down_is_turned_round(write_log: Write) -> None:
+    # as mavros gives it, although the child frame is the body
     track = read_track(write_log(flight((1.0, 2.0, -3.0)), {'/odom': ODOMETRY}))
-    assert track.velocity_ned is None
+    assert_allclose(track.velocity_ned, np.tile([2, 1, -3], (30, 1)), atol=1e-12)
     assert 'contradicts its positions' in track.warnings[0]
+    assert 'its vertical part counted downwards' in track.warnings[1]
+
+
+def test_a_velocity_against_the_positions_is_not_used(write_log: Write) -> None:
+    track = read_track(write_log(flight((-9.0, 2.0, 3.0)), {'/odom': ODOMETRY}))
+    assert track.velocity_ned is None
+    assert all('contradicts its positions' in warning for warning in track.warnings)
 
 
 def test_odometry_in_another_frame_is_dropped(write_log: Write) -> None:

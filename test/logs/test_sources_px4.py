@@ -13,6 +13,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from flightdyn.environment.geodesy import GeodeticPoint, ned_from_geodetic
 from flightdyn.errors import LogError
 from flightdyn.logs import list_sources, read_track
+from flightdyn.logs.kinds import kind_named
 
 Write = Callable[..., Path]
 DATA = Path(__file__).parents[1] / 'data'
@@ -345,3 +346,18 @@ def test_px4_topics_of_a_real_flight_agree(encoding: str) -> None:
         along = np.interp(at, there, local.position_ned[:, axis])  # type: ignore[index]
         gap = np.abs(along - near[axis])[inside]
         assert np.percentile(gap, 90) < 0.5  # 0.12 s of linear interpolation at up to 6 m/s
+
+
+@pytest.mark.parametrize(
+    ('name', 'kind'),
+    [
+        ('px4_msgs/msg/VehicleLocalPosition', 'local'),
+        ('px4_msgs::msg::dds_::VehicleLocalPosition_', 'local'),
+        ('px4_msgs_old/msg/VehicleLocalPositionV0', 'local'),
+        ('px4_msgs_old/msg/VehicleGlobalPositionV1', 'global'),
+        ('px4_msgs_old/msg/VehicleStatusV1', None),
+    ],
+)
+def test_kinds_by_the_names_of_every_time(name: str, kind: str | None) -> None:
+    found = kind_named(name)
+    assert (found.name if found else None) == kind

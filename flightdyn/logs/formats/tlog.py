@@ -17,11 +17,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import LogError
+from ..mavlink import MESSAGES, Message, checksum, standing
+from ..mcap_columns import Columns
 from ..sources import Source
-from .reading import OpenedLog, Reading, fix_columns, steady_time, tracks_of, with_velocity
+from .reading import OpenedLog, Reading, tracks_of
 
 NAME = 'MAVLink telemetry log'
 
@@ -32,44 +33,10 @@ _EPOCHS_US = (946_684_800 * 10**6, 4_102_444_800 * 10**6)  # 2000 to 2100
 _MAX_SOURCES = 64
 
 
-@dataclass(frozen=True)
-class _Message:
-    """A message with its payload in the order of the wire; `seed` is its CRC_EXTRA."""
-
-    name: str
-    seed: int
-    kind: str
-    layout: np.dtype[np.void]
-
-
-_MESSAGES = {
-    24: _Message(
-        'GPS_RAW_INT',
-        24,
-        'gps_raw',
-        np.dtype(
-            [('time_usec', '<u8'), ('lat', '<i4'), ('lon', '<i4'), ('alt', '<i4')]
-            + [('eph', '<u2'), ('epv', '<u2'), ('vel', '<u2'), ('cog', '<u2')]
-            + [('fix_type', 'u1'), ('satellites_visible', 'u1'), ('alt_ellipsoid', '<i4')]
-            + [('h_acc', '<u4'), ('v_acc', '<u4')]
-        ),
-    ),
-    33: _Message(
-        'GLOBAL_POSITION_INT',
-        104,
-        'global',
-        np.dtype(
-            [('time_boot_ms', '<u4'), ('lat', '<i4'), ('lon', '<i4'), ('alt', '<i4')]
-            + [('relative_alt', '<i4'), ('vx', '<i2'), ('vy', '<i2'), ('vz', '<i2')]
-            + [('hdg', '<u2')]
-        ),
-    ),
-}
-
-
 @dataclass
 class _Stream:
-    message: _Message
+    message: Message
+    sender: tuple[int, int]
     arrival: 'array[int]' = field(default_factory=lambda: array('q'))
     payloads: bytearray = field(default_factory=bytearray)
 
@@ -98,7 +65,7 @@ def open_log(path: Path) -> OpenedLog:
     with data:
         for at, time, message_id, sender, payload, sound in _frames(data, damage):
             systems.add(sender[0])
-            message = _MESSAGES.get(message_id)
+            message = MESSAGES.get(message_id)
             if message is None:
                 continue
             if not sound(message.seed):
@@ -108,12 +75,12 @@ def open_log(path: Path) -> OpenedLog:
             if topic not in streams:
                 if len(streams) == _MAX_SOURCES:
                     raise LogError(f'{path}: byte {at}: more than {_MAX_SOURCES} senders')
-                streams[topic] = _Stream(message)
+                streams[topic] = _Stream(message, sender)
             size = message.layout.itemsize
             streams[topic].arrival.append(time)
             streams[topic].payloads += payload[:size].ljust(size, b'\0')
     if not streams:
-        wanted = ' or '.join(message.name for message in _MESSAGES.values())
+        wanted = ' or '.join(message.name for message in MESSAGES.values())
         found = ', '.join(str(system) for system in sorted(systems)) or 'none'
         raise LogError(f'{path}: no {wanted} in this telemetry log; systems in it: {found}')
     sources = [
@@ -123,7 +90,8 @@ def open_log(path: Path) -> OpenedLog:
             'mavlink',
             one.message.kind,
             len(one.arrival),
-            True,
+            usable=True,
+            standing=standing(*one.sender),
         )
         for topic, one in streams.items()
     ]
@@ -138,27 +106,13 @@ def open_log(path: Path) -> OpenedLog:
 
 
 def _reading(stream: _Stream) -> Reading:
-    rows = np.frombuffer(bytes(stream.payloads), stream.message.layout)
+    message = stream.message
+    assert message.measure is not None
+    table = np.frombuffer(bytes(stream.payloads), message.layout)
     arrival = np.array(stream.arrival, np.int64) * 1000
-    raw = stream.message.name == 'GPS_RAW_INT'
-    boot = rows['time_usec'] // 1000 if raw else rows['time_boot_ms']
-    std: NDArray[np.float64] | None = None
-    velocity = np.full((rows.size, 3), np.nan)
-    if raw:
-        std = np.stack([rows[name] / 1e3 for name in ('h_acc', 'h_acc', 'v_acc')], axis=1)
-        status = np.where(rows['fix_type'] < 3, -1, 0)
-    else:
-        velocity = np.stack([rows[name] / 100 for name in ('vx', 'vy', 'vz')], axis=1)
-        status = np.zeros(rows.size)
-    columns = fix_columns(
-        steady_time(boot.astype(np.int64) * 10**6, arrival),
-        rows['lat'] / 1e7,
-        rows['lon'] / 1e7,
-        rows['alt'] / 1e3,
-        status=status.astype(np.int8),
-        std_enu=std,
-    )
-    return Reading(columns=columns, measure=with_velocity(velocity), altitude_datum='msl')
+    values = {name: table[name] for name in message.fields}
+    columns = Columns(arrival, arrival, values, np.zeros(table.size, np.uint8), ('',))
+    return Reading(columns=columns, measure=message.measure)
 
 
 class _Damage:
@@ -214,13 +168,3 @@ def _frames(data: mmap.mmap, damage: _Damage) -> Iterator[_Frame]:
         at = end + 2 + signature
     if at < size:
         damage.count('bytes of a frame that is cut short', at, size - at)
-
-
-def checksum(data: bytes) -> int:
-    """Return the CRC-16/MCRF4XX of MAVLink."""
-    crc = 0xFFFF
-    for byte in data:
-        low = (byte ^ crc) & 0xFF
-        low = (low ^ (low << 4)) & 0xFF
-        crc = (crc >> 8) ^ (low << 8) ^ (low << 3) ^ (low >> 4)
-    return crc

@@ -14,17 +14,21 @@ from typing import Any
 import numpy as np
 
 from ...errors import LogError, MissingExtraError
+from ..attitudes import with_attitude
 from ..kinds import Kind, kind_of
 from ..mcap_columns import Columns
 from ..mcap_container import Schema
+from ..poses import sound_attitude
 from ..sources import Source
-from .reading import OpenedLog, Reading, tracks_of
+from ..track import Track
+from .reading import OpenedLog, Reading, TrackMaker, tracks_of
 
 NAME = 'PX4 ULog'
 
 _MAGIC = b'ULog\x01\x12\x35'
 _GPS = ('sensor_gps', 'vehicle_gps_position')
 _TOPICS = (*_GPS, 'vehicle_global_position', 'vehicle_local_position')
+_ATTITUDE = 'vehicle_attitude'
 _INFO = ('sys_name', 'ver_hw', 'ver_sw', 'ver_sw_release')
 _PLAUSIBLE_US = 946_684_800 * 10**6  # 2000-01-01
 _FIX_3D = 3
@@ -57,7 +61,8 @@ def open_log(path: Path) -> OpenedLog:
         warnings.append("times count from the autopilot's start: the date is the receiver's")
     sources: list[Source] = []
     readings: dict[str, Callable[[], Reading]] = {}
-    for data in log.data_list:
+    positions = [data for data in log.data_list if data.name != _ATTITUDE]
+    for data in positions:
         schema = f'ulog.{data.name}'
         topic = f'{data.name}/{data.multi_id}' if data.multi_id else data.name
         if topic in readings:  # subscribed to anew in the middle
@@ -77,7 +82,11 @@ def open_log(path: Path) -> OpenedLog:
         path=path,
         format=NAME,
         sources=sources,
-        track=tracks_of(path, lambda source: readings[source.topic](), warnings),
+        track=_with_attitudes(
+            tracks_of(path, lambda source: readings[source.topic](), warnings),
+            [data.data for data in log.data_list if data.name == _ATTITUDE],
+            offset_us,
+        ),
         library=information.get('sys_name', ''),
         metadata=information,
         warnings=warnings,
@@ -92,7 +101,7 @@ def _parse(path: Path) -> Any:
     try:
         # It prints its complaints, where only results may go.
         with path.open('rb') as stream, contextlib.redirect_stdout(io.StringIO()):
-            return pyulog.ULog(stream, list(_TOPICS))
+            return pyulog.ULog(stream, [*_TOPICS, _ATTITUDE])
     except (
         *(pyulog.core.ULogException, pyulog.core.ULogIncompatibleFlagException, struct.error),
         *(LookupError, TypeError, ValueError, AttributeError, OverflowError, RecursionError),
@@ -116,6 +125,25 @@ def _reader(
         return Reading(columns=columns, measure=kind.measure)
 
     return read
+
+
+def _with_attitudes(make: TrackMaker, tables: list[dict[str, Any]], offset_us: int) -> TrackMaker:
+    """Return how to make tracks that have the estimator's attitude."""
+    names = ('timestamp', *(f'q[{i}]' for i in range(4)))
+    told = [table for table in tables if all(name in table for name in names)]
+
+    def track(source: Source, start: float | None, end: float | None, notes: list[str]) -> Track:
+        made = make(source, start, end, notes)
+        if not told:
+            return made
+        count, *parts = (told[0][name] for name in names)
+        attitude = sound_attitude(np.stack(parts, axis=1).astype(float), in_ned=True)
+        if attitude is None:
+            return made
+        time = (count.astype(np.int64) + offset_us) * 1000
+        return with_attitude(made, time, attitude, _ATTITUDE)
+
+    return track
 
 
 def _unix_offset_us(topics: list[Any]) -> int:

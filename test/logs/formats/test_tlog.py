@@ -10,7 +10,7 @@ from flown_circle import CLIMB, SPEED, START_S, circle, flown_speed
 
 from flightdyn.errors import LogError
 from flightdyn.logs.any_log import describe, read_track
-from flightdyn.logs.formats.tlog import checksum
+from flightdyn.logs.mavlink import checksum
 
 GLOBAL, RAW, HEARTBEAT = 33, 24, 0
 SEEDS = {GLOBAL: 104, RAW: 24, HEARTBEAT: 50}
@@ -76,7 +76,8 @@ def test_late_arrival_does_not_move_samples(tmp_path: Path) -> None:
     path.write_bytes(b''.join(circle_frames(late=late)))
     track = read_track(path)
     assert (np.diff(track.time_ns) == 250_000_000).all()
-    assert abs(track.time_ns[0] * 1e-9 - START_S - np.median(late)) < 1e-5
+    # the least delay counts as none; of 480 exponential ones a fiftieth is below 2 ms
+    assert 0 <= track.time_ns[0] * 1e-9 - START_S < 0.004
 
 
 def test_systems_are_kept_apart(tmp_path: Path) -> None:
@@ -99,7 +100,8 @@ def test_raw_fixes_below_three_dimensions_are_dropped(tmp_path: Path) -> None:
     path = tmp_path / 'raw.tlog'
     path.write_bytes(b''.join(frames))
     track = read_track(path)
-    assert track.dropped == {'no fix': 1}
+    assert track.dropped == {'no 3D fix': 1}
+    assert track.altitude_datum == 'ellipsoid'
     np.testing.assert_allclose(track.position_std[0], [1.5, 1.5, 2.5])
     assert track.time_ns[0] == START_S * 10**9
 
@@ -128,7 +130,7 @@ def test_a_log_without_positions_says_whose_it_is(tmp_path: Path) -> None:
     path = tmp_path / 'idle.tlog'
     path.write_bytes(b''.join(frame(START_S + i, HEARTBEAT, bytes(9)) for i in range(5)))
     with pytest.raises(
-        LogError, match=r'no GPS_RAW_INT or GLOBAL_POSITION_INT .* systems in it: 1'
+        LogError, match=r'no GPS_RAW_INT or .*GLOBAL_POSITION_INT .* systems in it: 1'
     ):
         read_track(path)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from flown_circle import CLIMB, SPEED, START_S, circle, flown_speed
 
+from flightdyn import frames
 from flightdyn.errors import LogError, MissingExtraError
 from flightdyn.logs.any_log import describe, read_track
 
@@ -81,6 +82,31 @@ def test_a_circle_is_replayed_at_its_speed(tmp_path: Path, new: bool) -> None:
     assert track.altitude_datum == 'ellipsoid'
     assert track.dropped == {'no 3D fix': 1}
     assert track.schema == 'ulog.vehicle_gps_position'
+
+
+def test_the_attitude_of_the_estimator_is_taken(tmp_path: Path) -> None:
+    flown = circle(rate=5)
+    yaw = np.arctan2(flown.velocity_ned[:, 1], flown.velocity_ned[:, 0])
+    data = []
+    for i, t in enumerate(flown.time):
+        us = round((t - BOOT_S) * 1e6)
+        place = (flown.lat[i], flown.lon[i], flown.altitude[i] - 48, flown.altitude[i])
+        rest = (0.2, 1.5, 2.5, *flown.velocity_ned[i], True, 3)
+        data.append((0, struct.pack('<QQ4d3f3f?B', us, round(t * 1e6), *place, *rest)))
+        q = (*np.array(frames.quaternion_from_euler(0.3, -0.1, yaw[i])), 7)
+        data.append((1, struct.pack('<Q4fB', us, *q[:4], q[4])))
+    formats = {
+        'vehicle_gps_position': GPS_NEW,
+        'vehicle_attitude': 'uint64_t timestamp;float[4] q;uint8_t quat_reset_counter;',
+    }
+    track = read_track(ulog(tmp_path / 'attitude.ulg', formats, data))
+    assert track.warnings[-1] == 'attitude is that of vehicle_attitude'
+    angles = frames.euler_from_rotation(frames.rotation_from_quaternion(tuple(track.attitude.T)))
+    # the quaternions are in single precision
+    np.testing.assert_allclose(angles[0], 0.3, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(angles[1], -0.1, rtol=0, atol=1e-6)
+    difference = (angles[2] - yaw + np.pi) % (2 * np.pi) - np.pi
+    np.testing.assert_allclose(difference, 0, rtol=0, atol=1e-6)
 
 
 def test_local_position_takes_its_date_from_the_receiver(tmp_path: Path) -> None:
