@@ -1,6 +1,5 @@
 """One request on its way from a problem to a plan: its solves, checks and refinements."""
 
-import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -17,7 +16,7 @@ from .layout import Layout, Structure
 from .mesh import Mesh
 from .problem import Problem
 from .programme import Attempt, Programmes
-from .refinement import MAX_SUBSTEPS, finer, first_mesh, resampled, strategy_of
+from .refinement import finer, resampled, strategy_of
 from .report import Plan, PlanReport, message_of, trajectory_of
 from .samples import Path, between, path
 from .solver import Multipliers, OnIteration
@@ -28,8 +27,7 @@ Array = NDArray[np.float64]
 
 MAX_REFINEMENTS = 8
 MAX_SHARPENINGS = 4
-INTERVALS_IN_ARC = 3
-STEPS_IN_ARCS = 160  # of RK4, over the whole plan
+INTERVALS_IN_ARC = 4
 
 
 @dataclass(frozen=True)
@@ -138,11 +136,11 @@ class Run:
             if arcs is None or len(arcs) < 2:
                 return None
             guess = trajectory_of(problem, found.way, found.states)
-            nodes = min(problem.nodes, INTERVALS_IN_ARC * len(arcs))
+            nodes = INTERVALS_IN_ARC * len(arcs)
             inner = with_arcs(replace(problem, guess_trajectory=guess), arcs, nodes)
-            # controls are known: what counts is how exactly they are flown
-            substeps = min(math.ceil(STEPS_IN_ARCS / nodes), MAX_SUBSTEPS)
-            found = self.solve(inner, replace(first_mesh(inner), substeps=substeps))
+            # controls are known and smooth in each arc: a high order gets most out of it
+            mesh = Mesh.of([leg.nodes for leg in inner.legs], 'radau', 'previous')
+            found = self.solve(inner, mesh)
             if found.verification is None:
                 return None
             fewer = joined(arcs_of(problem, found.attempt))
