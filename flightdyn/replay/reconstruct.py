@@ -10,6 +10,7 @@ from ..environment.geodesy import GeodeticPoint, geodetic_from_ned, ned_from_geo
 from ..errors import InputError
 from ..logs.track import Track
 from ..trajectory import Trajectory, stretches
+from .manoeuvres import local_jerk_density
 from .noise import MIN_STD, Noise, estimate_noise
 from .outliers import Rejected, Verdict, judge, judge_smoothed
 from .samples import Samples, merge_repeats, without, without_obvious
@@ -46,7 +47,8 @@ def reconstruct(
         1-sigma of the measurements, north, east, down [m], [m/s]. Default: estimated from the
         log (`noise.estimate_noise`), at most what it reports, at least what its digits resolve.
     jerk_density : float or array (3,), optional
-        How sharply the vehicle manoeuvres [m^2/s^5]. Default: estimated from the log.
+        How sharply the vehicle manoeuvres [m^2/s^5]. Default: estimated from the log, and from
+        moment to moment (`manoeuvres.local_jerk_density`).
 
     Returns
     -------
@@ -130,7 +132,8 @@ def reconstruct_checked(
                 known=rejected,
             )
         if not verdict:
-            vectors, variances = _smoothed(samples, plane, white, noise)
+            everywhere = np.broadcast_to(noise.jerk_density, white[0].shape)
+            vectors, variances = _smoothed(samples, plane, white, everywhere)
             if judging:
                 verdict = judge_smoothed(
                     samples.time,
@@ -147,6 +150,17 @@ def reconstruct_checked(
         plane = _in_plane(samples, track.origin)
         if judging == _ROUNDS:
             noise = _at_most(noise, _noise(samples, plane, digits, given))
+    if given[2] is None:
+        density = local_jerk_density(
+            samples.time,
+            plane.measured,
+            plane.velocity,
+            samples.segment,
+            position_std=white[0],
+            velocity_std=white[1],
+            jerk_density=noise.jerk_density,
+        )
+        vectors, variances = _smoothed(samples, plane, white, density)
     variances += np.stack(common)
     return _trajectory(samples, plane.origin, vectors, variances), rejected
 
@@ -213,7 +227,7 @@ def _shared(
 
 
 def _smoothed(
-    samples: Samples, plane: _Plane, white: tuple[Array, Array], noise: Noise
+    samples: Samples, plane: _Plane, white: tuple[Array, Array], jerk_density: Array
 ) -> tuple[Array, Array]:
     """Return position, velocity, acceleration (3, n, 3) and the variance of the first two."""
     size = samples.time.size
@@ -226,7 +240,7 @@ def _smoothed(
             position_std=white[0][piece],
             velocity=None if plane.velocity is None else plane.velocity[piece],
             velocity_std=white[1][piece],
-            jerk_density=noise.jerk_density,
+            jerk_density=jerk_density[piece],
         )
         vectors[:, piece] = smoothed.position, smoothed.velocity, smoothed.acceleration
         variances[:, piece] = np.moveaxis(smoothed.std[:, :, :2] ** 2, 2, 0)
