@@ -10,7 +10,8 @@ from flightdyn import frames
 from flightdyn.environment.geodesy import GeodeticPoint, geodetic_from_ned
 from flightdyn.errors import InputError
 from flightdyn.logs.track import Track
-from flightdyn.replay.reconstruct import G0, reconstruct
+from flightdyn.replay.flight_path import G0
+from flightdyn.replay.reconstruct import reconstruct
 from flightdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
