@@ -96,6 +96,14 @@ def test_replay_of_a_real_glider(tmp_path: Path, capsys: pytest.CaptureFixture[s
         assert np.isfinite(columns[name].to_numpy()).all(), name
 
 
+def test_replay_with_the_wind(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / 'thermal.csv'
+    assert main(['replay', str(GLIDER), '--wind', 'circling', '-o', str(path)]) == 0
+    assert 'wind' in capsys.readouterr().out
+    columns = path.read_text().split('\n', 1)[0].split(',')
+    assert {'wind_x_e', 'wind_y_e', 'wind_std', 'airspeed', 'bank_air'} <= set(columns)
+
+
 def test_info_tells_what_a_log_can_be_replayed_as(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['info', str(GLIDER)]) == 0
     header, row = capsys.readouterr().out.splitlines()

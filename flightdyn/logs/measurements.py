@@ -79,6 +79,7 @@ class Measured:
     position_ned: Array | None = None
     velocity_ned: Array | None = None
     attitude: Array | None = None
+    airspeed: Array | None = None
     position_std: Array | None = None
     velocity_std: Array | None = None
     datum: Datum = 'ellipsoid'

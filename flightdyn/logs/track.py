@@ -35,6 +35,8 @@ class Track:
         there is none.
     attitude : array (n, 4) or None
         q_eb (w, x, y, z), body FRD to local NED.
+    airspeed : array (n,) or None
+        Measured true airspeed [m/s], NaN where there is none.
     position_std, velocity_std : array (n, 3) or None
         Reported 1-sigma, north, east, down [m], [m/s]; a row of NaN where unknown.
     origin : GeodeticPoint or None
@@ -57,6 +59,7 @@ class Track:
     position_ned: Array | None = None
     velocity_ned: Array | None = None
     attitude: Array | None = None
+    airspeed: Array | None = None
     position_std: Array | None = None
     velocity_std: Array | None = None
     origin: GeodeticPoint | None = None

@@ -10,12 +10,13 @@ from ..environment.geodesy import GeodeticPoint, geodetic_from_ned, ned_from_geo
 from ..errors import InputError
 from ..logs.track import Track
 from ..trajectory import Trajectory, stretches
-from .flight_path import energies, flight_path, turn_from_origin
+from .flight_path import bank_about, energies, flight_path, turn_from_origin
 from .manoeuvres import local_jerk_density
 from .noise import MIN_STD, Noise, estimate_noise
 from .outliers import Rejected, Verdict, judge, judge_smoothed
 from .samples import Samples, merge_repeats, without, without_obvious
 from .smoother import smooth
+from .wind import Method, estimate_wind
 
 Array = NDArray[np.float64]
 
@@ -30,6 +31,7 @@ def reconstruct(
     position_std: ArrayLike | None = None,
     velocity_std: ArrayLike | None = None,
     jerk_density: ArrayLike | None = None,
+    wind: Method | None = None,
 ) -> Trajectory:
     """Return what a point mass did to leave this track.
 
@@ -43,6 +45,8 @@ def reconstruct(
     jerk_density : float or array (3,), optional
         How sharply the vehicle manoeuvres [m^2/s^5]. Default: estimated from the log, and from
         moment to moment (`manoeuvres.local_jerk_density`).
+    wind : 'circling' or 'airspeed', optional
+        Estimate the wind, see `wind.estimate_wind`, and with it the motion through the air.
 
     Returns
     -------
@@ -57,6 +61,10 @@ def reconstruct(
         `specific_energy_rate` [W/kg], `specific_excess_power` [m/s]; `lat`, `lon` [deg] and
         `altitude` [m, datum of the track] of the smoothed position, if the track is tied to the
         earth; `phi`, `theta`, `psi` [rad] as measured, if every sample has an attitude.
+
+        With a wind that could be estimated: `wind_x_e`, `wind_y_e`, where the air moves to at the
+        vehicle, and the 1-sigma of each, `wind_std` [m/s]; `airspeed` [m/s] with `airspeed_std`;
+        `bank_air` [rad], the bank about the velocity through the air.
 
     Raises
     ------
@@ -85,7 +93,11 @@ def reconstruct(
     to neighbouring samples: smoothing does not lessen it, and it is added to the result's.
     """
     return reconstruct_checked(
-        track, position_std=position_std, velocity_std=velocity_std, jerk_density=jerk_density
+        track,
+        position_std=position_std,
+        velocity_std=velocity_std,
+        jerk_density=jerk_density,
+        wind=wind,
     )[0]
 
 
@@ -95,6 +107,7 @@ def reconstruct_checked(
     position_std: ArrayLike | None = None,
     velocity_std: ArrayLike | None = None,
     jerk_density: ArrayLike | None = None,
+    wind: Method | None = None,
 ) -> tuple[Trajectory, Rejected]:
     """Return what `reconstruct` does, and which samples it did not use and why.
 
@@ -158,7 +171,7 @@ def reconstruct_checked(
         )
         vectors, variances = _smoothed(samples, plane, white, density)
     variances[:2] += np.stack(common)
-    return _trajectory(samples, plane.origin, vectors, variances), rejected
+    return _trajectory(samples, plane.origin, vectors, variances, wind), rejected
 
 
 @dataclass(frozen=True)
@@ -249,6 +262,7 @@ def _trajectory(
     origin: GeodeticPoint | None,
     vectors: Array,
     variances: Array,
+    wind: Method | None,
 ) -> Trajectory:
     position = vectors[0]
     r_local_origin = frames.transpose(turn_from_origin(position, origin))
@@ -278,6 +292,8 @@ def _trajectory(
     std = np.sqrt(variances[0])
     outputs |= {f'{name}_std': std[:, i] for i, name in enumerate(('x_e', 'y_e', 'z_e'))}
     outputs |= {name: angles.pop(name) for name in list(angles) if name.endswith('_std')}
+    if wind is not None:
+        outputs |= _through_air(samples, vel, acc, place.get('lat'), outputs['speed_std'], wind)
     if samples.attitude is not None:
         w, x, y, z = samples.attitude.T
         r_eb = frames.rotation_from_quaternion((w, x, y, z))
@@ -299,6 +315,37 @@ def _trajectory(
         origin=origin,
         segment=samples.segment,
     )
+
+
+def _through_air(
+    samples: Samples,
+    vel: frames.Vector,
+    acc: frames.Vector,
+    lat: Array | None,
+    speed_std: Array,
+    method: Method,
+) -> dict[str, Array]:
+    """Return the wind and what it makes of the motion; nothing if no wind can be told."""
+    if method == 'airspeed' and samples.airspeed is None:
+        return {}
+    found = estimate_wind(
+        samples.time,
+        frames.stack(vel),
+        samples.segment,
+        samples.airspeed if method == 'airspeed' else None,
+    )
+    if found is None:
+        return {}
+    air = (found.north, found.east, np.zeros_like(found.north))
+    airspeed, bank = bank_about(vel, acc, lat, air)
+    return {
+        'wind_x_e': found.north,
+        'wind_y_e': found.east,
+        'wind_std': found.std,
+        'airspeed': airspeed,
+        'airspeed_std': np.hypot(speed_std, found.std),
+        'bank_air': bank,
+    }
 
 
 def _components(rows: Array) -> tuple[Array, Array, Array]:

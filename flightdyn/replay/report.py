@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,18 +11,29 @@ from ..logs.track import Track
 from ..trajectory import Trajectory
 from .outliers import Rejected
 from .reconstruct import reconstruct_checked
+from .wind import Method
 
 KNOWN_SPEED = 0.2
 """A speed of a larger relative 1-sigma is not reported as the highest: of two fixes, say."""
 
 
+WindChoice = Literal['auto', 'circling', 'airspeed']
+"""How to estimate the wind: from full turns, or from a recorded airspeed; auto prefers that."""
+
+_NO_WIND: dict[Method, str] = {
+    'circling': 'no wind: it takes a full turn at a steady airspeed',
+    'airspeed': 'no wind: there is no recorded true airspeed on two courses',
+}
+
+
 @dataclass(frozen=True)
 class Replay:
-    """A log's track and the motion reconstructed from it."""
+    """A log's track and the motion reconstructed from it; `wind` is how that was asked for."""
 
     track: Track
     trajectory: Trajectory
     rejected: Rejected = field(default_factory=Rejected)
+    wind: Method | None = None
 
     def summary(self) -> dict[str, Any]:
         """Return figures for people and for JSON.
@@ -31,11 +42,12 @@ class Replay:
         -------
         dict
             `file source schema altitude_datum messages used dropped segments origin duration_s
-            distance_m max_speed max_altitude warnings`. Segments start and end in seconds of the
-            trajectory's time; distance [m] is flown within segments, not across gaps; altitude
+            distance_m max_speed max_altitude wind warnings`. Segments start and end in seconds of
+            the trajectory's time; distance [m] is flown within segments, not across gaps; altitude
             [m] is above the datum, or the local origin where there is none. The highest speed is
-            of those known to `KNOWN_SPEED`. Of an altitude or velocity that was dropped, the rest
-            of the sample is used.
+            of those known to `KNOWN_SPEED`. The wind is None, or its `method`, median `speed`
+            [m/s], `from_deg` (true) and median 1-sigma `std`. Of an altitude or velocity that was
+            dropped, the rest of the sample is used.
         """
         track, flown = self.track, self.trajectory
         origin = flown.origin
@@ -70,7 +82,20 @@ class Replay:
             'distance_m': distance,
             'max_speed': _max_speed(flown),
             'max_altitude': float(altitude.max()),
+            'wind': self._wind(),
             'warnings': self._warnings(),
+        }
+
+    def _wind(self) -> dict[str, Any] | None:
+        flown = self.trajectory
+        if self.wind is None or 'wind_x_e' not in flown:
+            return None
+        north, east = (float(np.median(flown[name])) for name in ('wind_x_e', 'wind_y_e'))
+        return {
+            'method': self.wind,
+            'speed': float(np.hypot(north, east)),
+            'from_deg': float(np.degrees(np.arctan2(-east, -north)) % 360),
+            'std': float(np.median(flown['wind_std'])),
         }
 
     def _warnings(self) -> list[str]:
@@ -80,6 +105,8 @@ class Replay:
         repeated = len(track) - len(flown) - self.rejected.samples
         if repeated:
             found.append(f'{repeated} samples had the time of the one before and were averaged')
+        if self.wind is not None and 'wind_x_e' not in flown:
+            found.append(_NO_WIND[self.wind])
         lonely = sum(piece.stop - piece.start < 3 for piece in flown.segments())
         if lonely:
             found.append(
@@ -110,6 +137,7 @@ def replay_log(
     position_std: ArrayLike | None = None,
     velocity_std: ArrayLike | None = None,
     jerk_density: ArrayLike | None = None,
+    wind: WindChoice | None = None,
 ) -> Replay:
     """Return the motion recorded in a log.
 
@@ -123,6 +151,8 @@ def replay_log(
         Seconds from the log's first sample.
     position_std, velocity_std, jerk_density
         See `reconstruct`.
+    wind : 'auto', 'circling' or 'airspeed', optional
+        How to estimate the wind; 'auto' is by the airspeed if the log has one.
 
     Raises
     ------
@@ -134,7 +164,13 @@ def replay_log(
     from ..logs.any_log import read_track
 
     track = read_track(path, source=source, start=start, end=end)
+    preferred: Method = 'circling' if track.airspeed is None else 'airspeed'
+    method = preferred if wind == 'auto' else wind
     trajectory, rejected = reconstruct_checked(
-        track, position_std=position_std, velocity_std=velocity_std, jerk_density=jerk_density
+        track,
+        position_std=position_std,
+        velocity_std=velocity_std,
+        jerk_density=jerk_density,
+        wind=method,
     )
-    return Replay(track, trajectory, rejected)
+    return Replay(track, trajectory, rejected, method)
