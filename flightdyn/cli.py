@@ -84,6 +84,12 @@ def _parser() -> argparse.ArgumentParser:
     replay.add_argument('--start', type=float, metavar='S', help='seconds from the log start')
     replay.add_argument('--end', type=float, metavar='S', help='seconds from the log start')
     replay.add_argument(
+        '--flight',
+        type=int,
+        metavar='N',
+        help='only the N-th flight of the log, from take-off to landing',
+    )
+    replay.add_argument(
         '--wind',
         choices=('auto', 'circling', 'airspeed'),
         help='estimate the wind, from full turns or from a recorded airspeed',
@@ -252,6 +258,7 @@ def _replay(arguments: argparse.Namespace) -> int:
             start=arguments.start,
             end=arguments.end,
             wind=arguments.wind,
+            flight=arguments.flight,
         )
         summary = replay.summary()
         # our own recordings hold what was meant to be flown
@@ -271,6 +278,7 @@ def _replay(arguments: argparse.Namespace) -> int:
                     ('used', f'{summary["used"]} of {summary["messages"]} messages'),
                     *((f'  {reason}', str(n)) for reason, n in summary['dropped'].items()),
                     ('segments', str(len(summary['segments']))),
+                    *_flights(summary['flights']),
                     ('duration', f'{summary["duration_s"]:.6g} s'),
                     ('distance', f'{summary["distance_m"] / 1e3:.6g} km'),
                     ('max speed', f'{summary["max_speed"]:.4g} m/s'),
@@ -282,6 +290,17 @@ def _replay(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(summaries[0] if len(summaries) == 1 else summaries))
     return 0
+
+
+def _flights(found: list[dict[str, Any]]) -> list[tuple[str, str]]:
+    return [
+        (
+            f'flight {number}',
+            f'{"take-off" if flight["takeoff"] else "in flight from"} {flight["start"]:.6g} s, '
+            f'{"landing" if flight["landing"] else "in flight to"} {flight["end"]:.6g} s',
+        )
+        for number, flight in enumerate(found, 1)
+    ]
 
 
 def _wind(found: dict[str, Any] | None) -> list[tuple[str, str]]:

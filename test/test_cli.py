@@ -104,6 +104,13 @@ def test_replay_with_the_wind(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert {'wind_x_e', 'wind_y_e', 'wind_std', 'airspeed', 'bank_air'} <= set(columns)
 
 
+def test_replay_of_one_flight(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['replay', str(GLIDER), '--flight', '1']) == 0
+    assert 'flight 1   ' in capsys.readouterr().out
+    assert main(['replay', str(GLIDER), '--flight', '3']) == 2
+    assert 'there is no flight 3' in capsys.readouterr().err
+
+
 def test_info_tells_what_a_log_can_be_replayed_as(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['info', str(GLIDER)]) == 0
     header, row = capsys.readouterr().out.splitlines()

@@ -1,14 +1,16 @@
 """Replay of a log in one call, and what to say of it."""
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..errors import InputError
 from ..logs.track import Track
 from ..trajectory import Trajectory
+from .flights import Flight, find_flights
 from .outliers import Rejected
 from .reconstruct import reconstruct_checked
 from .wind import Method
@@ -41,13 +43,13 @@ class Replay:
         Returns
         -------
         dict
-            `file source schema altitude_datum messages used dropped segments origin duration_s
-            distance_m max_speed max_altitude wind warnings`. Segments start and end in seconds of
-            the trajectory's time; distance [m] is flown within segments, not across gaps; altitude
-            [m] is above the datum, or the local origin where there is none. The highest speed is
-            of those known to `KNOWN_SPEED`. The wind is None, or its `method`, median `speed`
-            [m/s], `from_deg` (true) and median 1-sigma `std`. Of an altitude or velocity that was
-            dropped, the rest of the sample is used.
+            `file source schema altitude_datum messages used dropped segments flights origin
+            duration_s distance_m max_speed max_altitude wind warnings`. Segments and flights start
+            and end in seconds of the trajectory's time; distance [m] is flown within segments, not
+            across gaps; altitude [m] is above the datum, or the local origin where there is none.
+            The highest speed is of those known to `KNOWN_SPEED`. The wind is None, or its
+            `method`, median `speed` [m/s], `from_deg` (true) and median 1-sigma `std`. Of an
+            altitude or velocity that was dropped, the rest of the sample is used.
         """
         track, flown = self.track, self.trajectory
         origin = flown.origin
@@ -74,6 +76,7 @@ class Replay:
                 }
                 for piece in pieces
             ],
+            'flights': [asdict(flight) for flight in self.flights()],
             'origin': None
             if origin is None
             else {'lat': origin.lat, 'lon': origin.lon, 'altitude': origin.altitude},
@@ -85,6 +88,10 @@ class Replay:
             'wind': self._wind(),
             'warnings': self._warnings(),
         }
+
+    def flights(self) -> list[Flight]:
+        """Return the flights from take-off to landing, see `flights.find_flights`."""
+        return find_flights(self.trajectory)
 
     def _wind(self) -> dict[str, Any] | None:
         flown = self.trajectory
@@ -121,6 +128,13 @@ class Replay:
         return found
 
 
+def _listed(flights: list[Flight]) -> str:
+    if not flights:
+        return 'none was found'
+    spans = (f'{n} from {f.start:.0f} to {f.end:.0f} s' for n, f in enumerate(flights, 1))
+    return 'there are ' + ', '.join(spans)
+
+
 def _max_speed(flown: Trajectory) -> float:
     """Return the highest speed that is known to a fifth, else the highest of all."""
     speed = flown['speed']
@@ -138,6 +152,7 @@ def replay_log(
     velocity_std: ArrayLike | None = None,
     jerk_density: ArrayLike | None = None,
     wind: WindChoice | None = None,
+    flight: int | None = None,
 ) -> Replay:
     """Return the motion recorded in a log.
 
@@ -153,16 +168,25 @@ def replay_log(
         See `reconstruct`.
     wind : 'auto', 'circling' or 'airspeed', optional
         How to estimate the wind; 'auto' is by the airspeed if the log has one.
+    flight : int, optional
+        Only this one of the flights found, counted from 1: take-off to landing.
 
     Raises
     ------
     LogError
         If the log cannot be read or has no usable position.
     InputError
-        If the source or the range has no samples.
+        If the source or the range has no samples, or there is no such flight.
     """
     from ..logs.any_log import read_track
 
+    if flight is not None:
+        whole = replay_log(path, source=source, start=start, end=end)
+        found = whole.flights()
+        if not 1 <= flight <= len(found):
+            raise InputError(f'{path}: there is no flight {flight}: {_listed(found)}')
+        one = found[flight - 1]
+        start, end = (start or 0.0) + one.start, (start or 0.0) + one.end
     track = read_track(path, source=source, start=start, end=end)
     preferred: Method = 'circling' if track.airspeed is None else 'airspeed'
     method = preferred if wind == 'auto' else wind

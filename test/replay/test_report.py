@@ -34,7 +34,15 @@ def test_summary(replay: Replay) -> None:
     summary = json.loads(json.dumps(replay.summary()))
     assert list(summary) == [
         *('file', 'source', 'schema', 'altitude_datum', 'messages', 'used', 'dropped'),
-        *('segments', 'origin', 'duration_s', 'distance_m', 'max_speed', 'max_altitude'),
+        *(
+            'segments',
+            'flights',
+            'origin',
+            'duration_s',
+            'distance_m',
+            'max_speed',
+            'max_altitude',
+        ),
         *('wind', 'warnings'),
     ]
     assert summary['used'] + sum(summary['dropped'].values()) == summary['messages']
