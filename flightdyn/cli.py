@@ -277,6 +277,7 @@ def _replay(arguments: argparse.Namespace) -> int:
                     ('source', f'{summary["source"]} ({summary["schema"]})'),
                     ('used', f'{summary["used"]} of {summary["messages"]} messages'),
                     *((f'  {reason}', str(n)) for reason, n in summary['dropped'].items()),
+                    ('clock', f"the {summary['clock']}'s"),
                     ('segments', str(len(summary['segments']))),
                     *_flights(summary['flights']),
                     ('duration', f'{summary["duration_s"]:.6g} s'),

@@ -86,7 +86,7 @@ class Measured:
     origin: GeodeticPoint | None = None
     epoch: NDArray[np.int64] | None = None
 
-    def columns(self) -> dict[str, Array]:
+    def columns(self) -> dict[str, Any]:
         """Return the columns that a track takes."""
         return {
             f.name: getattr(self, f.name)

@@ -41,6 +41,8 @@ class Track:
         Reported 1-sigma, north, east, down [m], [m/s]; a row of NaN where unknown.
     origin : GeodeticPoint or None
         Origin of a local track, if the log says it.
+    clock : 'message' or 'recorder'
+        Whose times these are: those in the messages, or when they were recorded.
     source, schema : str
         Topic and schema name.
     messages : int
@@ -64,6 +66,7 @@ class Track:
     velocity_std: Array | None = None
     origin: GeodeticPoint | None = None
     altitude_datum: Datum = 'unknown'
+    clock: Literal['message', 'recorder'] = 'message'
     file: str = ''
     source: str = ''
     schema: str = ''

@@ -43,7 +43,7 @@ class Replay:
         Returns
         -------
         dict
-            `file source schema altitude_datum messages used dropped segments flights origin
+            `file source schema altitude_datum clock messages used dropped segments flights origin
             duration_s distance_m max_speed max_altitude wind warnings`. Segments and flights start
             and end in seconds of the trajectory's time; distance [m] is flown within segments, not
             across gaps; altitude [m] is above the datum, or the local origin where there is none.
@@ -65,6 +65,7 @@ class Replay:
             'source': track.source,
             'schema': track.schema,
             'altitude_datum': track.altitude_datum,
+            'clock': track.clock,
             'messages': track.messages,
             'used': len(track) - self.rejected.samples,
             'dropped': dict(track.dropped) | self.rejected.counts,

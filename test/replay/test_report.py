@@ -33,7 +33,7 @@ def replay() -> Replay:
 def test_summary(replay: Replay) -> None:
     summary = json.loads(json.dumps(replay.summary()))
     assert list(summary) == [
-        *('file', 'source', 'schema', 'altitude_datum', 'messages', 'used', 'dropped'),
+        *('file', 'source', 'schema', 'altitude_datum', 'clock', 'messages', 'used', 'dropped'),
         *(
             'segments',
             'flights',

@@ -298,23 +298,3 @@ def check_size(path: Path) -> None:
         raise LogError(
             f'{path}: {size} bytes; text logs are read up to {MAX_TEXT_BYTES >> 20} MiB'
         )
-
-
-def steady_time(count: NDArray[np.int64], arrival: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return Unix times [ns] by a clock that counts evenly from some start.
-
-    Parameters
-    ----------
-    count : int array (n,)
-        The sender's clock [ns]; a step back by more than a second is a restart.
-    arrival : int array (n,)
-        When each sample arrived [ns, Unix]: right in the middle, with an unsteady delay.
-    """
-    restarts = np.cumsum(np.diff(count, prepend=count[:1]) < -(10**9))
-    offset = arrival - count
-    time = arrival.copy()
-    for session in np.unique(restarts):
-        these = restarts == session
-        apart = offset[these]
-        time[these] = count[these] + apart[0] + int(np.median(apart - apart[0]))
-    return time

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from ...errors import LogError
 from ..sources import Source
-from .reading import OpenedLog, Reading, fix_columns, steady_time, tracks_of, with_velocity
+from ..timeline import steady_time
+from .reading import OpenedLog, Reading, fix_columns, tracks_of, with_velocity
 
 NAME = 'MAVLink telemetry log'
 
