@@ -22,6 +22,16 @@ Array = NDArray[np.float64]
 
 MODEL = 'DynamicsPointMass3DSpeedGammaTrack'
 METRES_PER_DEGREE = 111_320.0  # of longitude at the equator, WGS84; only for the size of a digit
+VELOCITY_WANDER: Array = np.array([0.045, 0.045, 0.09])
+"""1-sigma of the velocity of a satellite fix that stands still, north, east, down [m/s].
+
+What the atmosphere and reflections make of a position wanders: it is common to neighbouring
+samples, so no smoothing shows or lessens it. 1 m, down 2 m, of a correlation time of 100 s makes
+0.45 m and 0.9 m in the 10 s of a slow smoothing.
+"""
+
+_WANDER_S = 10.0  # over which that wander is compared with white noise
+
 _ROUNDS = 4  # of judging the samples: each shows what a worse one hid
 
 
@@ -90,7 +100,8 @@ def reconstruct(
     good a new segment begins. `reconstruct_checked` tells what was left out.
 
     What the log reports as 1-sigma beyond the white noise seen in it is taken as an error common
-    to neighbouring samples: smoothing does not lessen it, and it is added to the result's.
+    to neighbouring samples: smoothing does not lessen it, and it is added to the result's. So is
+    `VELOCITY_WANDER` where velocity is known from positions on the earth alone.
     """
     return reconstruct_checked(
         track,
@@ -171,6 +182,11 @@ def reconstruct_checked(
         )
         vectors, variances = _smoothed(samples, plane, white, density)
     variances[:2] += np.stack(common)
+    if samples.geodetic is not None and plane.velocity is None:
+        variances[1] += VELOCITY_WANDER**2
+    elif samples.geodetic is not None and given[0] is None:
+        told = _reported(samples.position_std)
+        variances[0] = np.maximum(variances[0], 0.0 if told is None else told**2)
     return _trajectory(samples, plane.origin, vectors, variances, wind), rejected
 
 
@@ -200,6 +216,15 @@ def _in_plane(samples: Samples, origin: GeodeticPoint | None) -> _Plane:
 
 
 def _noise(samples: Samples, plane: _Plane, digits: Array, given: list[Array | None]) -> Noise:
+    reported = _median(_reported(samples.position_std))
+    least = digits
+    if samples.geodetic is not None and plane.velocity is not None and samples.time.size > 1:
+        # A receiver's positions go together smoothly, and wander: white noise of the millimetres
+        # that are seen would make more of their differences than of the velocity, which does not
+        # wander. This much white noise tells as much of the velocity in `_WANDER_S` as they do.
+        usual = max(float(np.median(np.diff(samples.time))), 1e-3)
+        white = VELOCITY_WANDER * _WANDER_S * np.sqrt(_WANDER_S / (12 * usual))
+        least = np.maximum(digits, np.minimum(white, reported))
     return estimate_noise(
         samples.time,
         plane.measured,
@@ -208,7 +233,7 @@ def _noise(samples: Samples, plane: _Plane, digits: Array, given: list[Array | N
         position_std=given[0],
         velocity_std=given[1],
         jerk_density=given[2],
-        position_std_limits=(digits, _median(_reported(samples.position_std))),
+        position_std_limits=(least, reported),
         velocity_std_limits=(MIN_STD, _median(_reported(samples.velocity_std))),
     )
 

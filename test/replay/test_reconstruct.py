@@ -11,7 +11,7 @@ from flightdyn.environment.geodesy import GeodeticPoint, geodetic_from_ned
 from flightdyn.errors import InputError
 from flightdyn.logs.track import Track
 from flightdyn.replay.flight_path import G0
-from flightdyn.replay.reconstruct import reconstruct
+from flightdyn.replay.reconstruct import VELOCITY_WANDER, reconstruct
 from flightdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -454,3 +454,41 @@ def test_turning_and_moving_the_ground_turns_and_moves_the_flight(
         np.testing.assert_allclose(a[name], b[name], atol=1e-6)
     difference = (b['track'] - a['track'] - turn + np.pi) % (2 * np.pi) - np.pi
     np.testing.assert_allclose(difference, 0.0, atol=1e-6)
+
+
+def wandering(t: Array, rng: np.random.Generator) -> Array:
+    """Return a smooth error of positions (n, 3) [m], whose rate is 0.15 m/s over some 5 s."""
+    step = float(t[1] - t[0])
+    slow = np.exp(-step / 5.0)
+    rate = np.zeros((t.size, 3))
+    for k in range(1, t.size):
+        rate[k] = slow * rate[k - 1] + 0.15 * np.sqrt(1 - slow**2) * rng.normal(size=3)
+    return np.cumsum(rate * step, axis=0)
+
+
+def test_a_measured_velocity_outweighs_positions_that_wander() -> None:
+    """Smooth positions once were taken as exact to a millimetre, and the velocity as noisy."""
+    rng = np.random.default_rng(0)
+    t = np.arange(0, 120, 0.2)
+    true = np.stack((5 * np.sin(t / 4), 5 * np.cos(t / 4), 0.5 * np.sin(t / 7)), axis=1)
+    place = np.stack((-20 * np.cos(t / 4), 20 * np.sin(t / 4), -3.5 * np.cos(t / 7)), axis=1)
+    place = place + wandering(t, rng)
+    lat, lon, altitude = geodetic_from_ned(*place.T, GeodeticPoint(47.0, 8.0, 500.0))
+    measured = true + 0.1 * rng.normal(size=true.shape)
+    flown = reconstruct(geodetic_track(t, lat, lon, altitude, velocity_ned=measured))
+    error = velocity_of(flown) - true
+    # The velocity's own noise is 0.1 m/s; who follows the positions is off by 0.15 and more.
+    assert np.sqrt(np.mean(error**2)) < 0.12
+
+
+def test_the_velocity_of_fixes_is_never_stated_better_than_they_wander() -> None:
+    t = np.arange(0.0, 600.0)
+    lat = 47.0 + 50.0 / 111_170 * t  # 50 m/s north, exactly
+    track = geodetic_track(t, lat, np.full(t.size, 8.0), np.full(t.size, 1000.0))
+    flown = reconstruct(track)
+    assert (flown['speed_std'] >= VELOCITY_WANDER[0]).all()
+    assert np.median(flown['gamma_std']) == pytest.approx(VELOCITY_WANDER[2] / 50, rel=0.2)
+    with_velocity = geodetic_track(
+        t, lat, track.lon, track.altitude, velocity_ned=np.tile([50.0, 0.0, 0.0], (t.size, 1))
+    )
+    assert np.median(reconstruct(with_velocity)['speed_std']) < VELOCITY_WANDER[0]
