@@ -75,7 +75,8 @@ def flight_path(
     var_gamma = np.cos(climb) ** 2 * vel_var[2] + np.sin(climb) ** 2 * var_along
     safe = np.maximum(speed, REST_SPEED)
 
-    right, up = _lift_axes(specific_force(vel, acc, lat), track, gamma)
+    force = specific_force(vel, acc, lat)
+    right, up = _lift_axes(force, track, gamma)
     var_right = sin_t**2 * acc_var[0] + cos_t**2 * acc_var[1]
     var_forward = cos_t**2 * acc_var[0] + sin_t**2 * acc_var[1]
     var_up = np.sin(gamma) ** 2 * var_forward + np.cos(gamma) ** 2 * acc_var[2]
@@ -84,8 +85,9 @@ def flight_path(
     lift = np.maximum(np.hypot(right, up), 1e-9)
     bank_std = np.sqrt(up**2 * var_right + right**2 * var_up - both) / lift**2
     load_std = np.sqrt(right**2 * var_right + up**2 * var_up + both) / lift
-    # Of a vehicle that may be at rest the plane of its lift is unknown.
-    bank_std = np.where(moving > 0, bank_std / np.maximum(moving, 1e-9), np.inf)
+    # Of a vehicle that may be at rest the bank is taken as 0: it may be all that the lift tilts.
+    tilt = np.arctan2(np.hypot(force[0], force[1]), -force[2])
+    bank_std = np.hypot(bank_std, (1 - moving) * tilt)
     return {
         'speed': speed,
         'gamma': gamma,

@@ -94,7 +94,8 @@ def reconstruct(
 
     Nothing is NaN. Where the horizontal speed is within its 1-sigma or below
     `flight_path.REST_SPEED`, `track` keeps its last meaningful value; where the speed is, `gamma`
-    and `bank` go to 0 and their 1-sigma to that of an angle unknown.
+    and `bank` go to 0, the 1-sigma of `gamma` to that of an angle unknown, and that of `bank` to
+    the tilt of the lift.
 
     Samples that the rest contradicts are not used, see `outliers`; where the positions jump for
     good a new segment begins. `reconstruct_checked` tells what was left out.

@@ -88,10 +88,13 @@ def test_bank_and_load_factor_scatter_as_their_sigmas_say() -> None:
         assert float(np.std(found[name])) == pytest.approx(stated, rel=0.02)
 
 
-def test_at_rest_the_bank_is_unknown() -> None:
-    found = angles((0.005, 0.0, 0.0), (0.0, 0.0, 0.0))
-    assert found['bank'] == 0.0
-    assert found['bank_std'] == MAX_TURN_STD
+def test_at_rest_the_bank_is_as_uncertain_as_the_lift_is_tilted() -> None:
+    parked = angles((0.005, 0.0, 0.0), (0.0, 0.0, 0.0))
+    assert parked['bank'] == 0.0
+    assert parked['bank_std'] == pytest.approx(0.01 / G0)  # the acceleration's 1-sigma over g
+    pushed = angles((0.005, 0.0, 0.0), (0.0, 3.0, 0.0))
+    assert pushed['bank'] == 0.0
+    assert pushed['bank_std'] == pytest.approx(np.arctan2(3.0, G0), rel=0.01)
 
 
 def test_a_stone_thrown_keeps_its_energy() -> None:

@@ -492,3 +492,30 @@ def test_the_velocity_of_fixes_is_never_stated_better_than_they_wander() -> None
         t, lat, track.lon, track.altitude, velocity_ned=np.tile([50.0, 0.0, 0.0], (t.size, 1))
     )
     assert np.median(reconstruct(with_velocity)['speed_std']) < VELOCITY_WANDER[0]
+
+
+def test_a_loop_and_vertical_lines_are_finite_and_right() -> None:
+    """An aerobatic box at 10 Hz: pull to the vertical, up, a loop of 4 g, and down again."""
+    t = np.arange(0.0, 24.0, 0.01)
+    speed, rate = 40.0, 1.0
+    # Level, quarter loop, vertical, full loop from the vertical, quarter loop to level inverted.
+    turning = ((t > 3) & (t <= 3 + np.pi / 2)) | ((t > 8) & (t <= 8 + 2 * np.pi))
+    pitch = np.cumsum(np.where(turning, rate, 0.0)) * 0.01
+    v = speed * np.stack((np.cos(pitch), 0 * t, -np.sin(pitch)), axis=1)
+    p = np.cumsum(v, axis=0) * 0.01
+    noise = 0.05 * np.random.default_rng(0).normal(size=p.shape)
+    flown = reconstruct(local_track(t[::10], (p + noise)[::10]))
+    assert_usable(flown)
+    for values in flown.columns.values():
+        assert np.isfinite(values).all()
+    inner = slice(5, -5)
+    up = np.degrees(flown['gamma'][inner])
+    gamma = np.degrees(np.arcsin(np.sin(pitch[::10])))[inner]
+    # 5 cm at 10 Hz, smoothed over half a second: 0.1 m/s of 40, and the corners of the loops.
+    assert np.percentile(np.abs(up - gamma), 90) < 3.0
+    assert up.max() > 87
+    assert up.min() < -87
+    steady = (t[::10] > 9.5) & (t[::10] < 13)
+    lift = np.abs(speed * rate + 9.80665 * np.cos(pitch[::10]))
+    error = (flown['load_factor'] - lift / 9.80665)[steady]
+    assert np.sqrt(np.mean(error**2)) < 0.5
