@@ -12,7 +12,6 @@ A .truth.npz has, per fix, `t_unix_ns`, `vn ve vd` [m/s] or `groundspeed` and `t
 import argparse
 import json
 import sys
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -94,8 +93,6 @@ class Flight:
     """
 
     name: str
-    samples: int
-    seconds: float
     compared: dict[str, Compared]
     reference: dict[str, tuple[float, float]]
     finite: bool
@@ -120,9 +117,7 @@ def compare(log: Path, truth_path: Path, reference: dict[str, Any]) -> Flight:
     """Return how a log's replay compares with its record."""
     with np.load(truth_path) as archive:
         truth = {name: archive[name] for name in archive.files}
-    started = time.perf_counter()
     replay = replay_log(log)
-    seconds = time.perf_counter() - started
     at, index = _matched(replay, truth['t_unix_ns'].astype(np.int64))
     flown = replay.trajectory
 
@@ -172,8 +167,6 @@ def compare(log: Path, truth_path: Path, reference: dict[str, Any]) -> Flight:
             )
     return Flight(
         name=log.name,
-        samples=len(flown),
-        seconds=seconds,
         compared={name: found for name, found in compared.items() if found is not None},
         reference={
             name: (reference[key][0], reference[key][1])
@@ -278,14 +271,13 @@ def shortfalls(flights: list[Flight]) -> list[str]:
 
 def document(flights: list[Flight], logs: int) -> str:
     """Return the page of docs/ that holds the table."""
-    speed = sum(f.samples for f in flights) / sum(f.seconds for f in flights)
     lacking = shortfalls(flights)
     lines = [f'- {text}' for text in lacking] or ['Nothing.']
     return f"""# How accurate replays are
 
 Made by `python benchmarks/replay_accuracy.py FOLDER -o docs/replay-accuracy.md` from {logs} logs \
 of aircraft, gliders and multicopters whose vehicles recorded their own speed, course, climb or \
-attitude beside the positions. Replay sees the log only. {speed:.0f} samples are replayed a second.
+attitude beside the positions. Replay sees the log only.
 
 {table(flights)}
 
