@@ -112,6 +112,7 @@ def estimate_wind(
         blocks = _turns(time, velocity, segment)
     else:
         blocks = _stretches(time, velocity, segment, airspeed)
+    blocks.sort(key=lambda block: block.time)  # a clock set back puts later ones first
     start = _circle(blocks) if blocks else None
     if start is None:
         return None
@@ -210,7 +211,6 @@ def _stretches(
                     1.0 + lasting / _INDEPENDENT_S,
                 )
             )
-    blocks.sort(key=lambda block: block.time)
     return blocks
 
 

@@ -167,3 +167,10 @@ def test_a_thermal_of_a_real_glider(tmp_path: Path) -> None:
     off = np.median(np.abs(replay.trajectory['airspeed'] - recorded))
     over_ground = np.median(np.abs(replay.trajectory['speed'] - recorded))
     assert off < 0.7 * over_ground
+
+
+def test_a_clock_set_back_does_not_disturb() -> None:
+    t, v = thermal(wander=0.0)
+    back = np.where(t < 300, t + 300, t - 300)
+    found = estimate_wind(back, v, (t >= 300).astype(np.int64))
+    assert np.abs(errors(found)).max() < 1e-3
