@@ -91,6 +91,17 @@ def _parser() -> argparse.ArgumentParser:
     replay.add_argument('--source', metavar='TOPIC', help='use this topic, not the best one')
     replay.add_argument('--start', type=float, metavar='S', help='seconds from the log start')
     replay.add_argument('--end', type=float, metavar='S', help='seconds from the log start')
+    replay.add_argument(
+        '--flight',
+        type=int,
+        metavar='N',
+        help='only the N-th flight of the log, from take-off to landing',
+    )
+    replay.add_argument(
+        '--wind',
+        choices=('auto', 'circling', 'airspeed'),
+        help='estimate the wind, from full turns or from a recorded airspeed',
+    )
     _add_output(replay, export.REPLAY_FORMATS, "; with several logs '{log}' stands for their name")
 
     info = command('info', _info, 'Show what is in a log and what can be replayed.', config=False)
@@ -267,7 +278,14 @@ def _replay(arguments: argparse.Namespace) -> int:
     for log in arguments.log:
         names = [name.replace('{log}', Path(log).stem) for name in arguments.output]
         outputs = export.check_outputs(names, export.REPLAY_FORMATS)
-        replay = replay_log(log, source=arguments.source, start=arguments.start, end=arguments.end)
+        replay = replay_log(
+            log,
+            source=arguments.source,
+            start=arguments.start,
+            end=arguments.end,
+            wind=arguments.wind,
+            flight=arguments.flight,
+        )
         summary = replay.summary()
         # our own recordings hold what was meant to be flown
         plans = read_plans(log) if outputs and is_mcap(log) else []
@@ -285,17 +303,38 @@ def _replay(arguments: argparse.Namespace) -> int:
                     ('source', f'{summary["source"]} ({summary["schema"]})'),
                     ('used', f'{summary["used"]} of {summary["messages"]} messages'),
                     *((f'  {reason}', str(n)) for reason, n in summary['dropped'].items()),
+                    ('clock', f"the {summary['clock']}'s"),
                     ('segments', str(len(summary['segments']))),
+                    *_flights(summary['flights']),
                     ('duration', f'{summary["duration_s"]:.6g} s'),
                     ('distance', f'{summary["distance_m"] / 1e3:.6g} km'),
                     ('max speed', f'{summary["max_speed"]:.4g} m/s'),
                     ('max altitude', _altitude(summary)),
+                    *_wind(summary['wind']),
                     *(('written', str(path)) for path in outputs),
                 ]
             )
     if arguments.json:
         print(json.dumps(summaries[0] if len(summaries) == 1 else summaries))
     return 0
+
+
+def _flights(found: list[dict[str, Any]]) -> list[tuple[str, str]]:
+    return [
+        (
+            f'flight {number}',
+            f'{"take-off" if flight["takeoff"] else "in flight from"} {flight["start"]:.6g} s, '
+            f'{"landing" if flight["landing"] else "in flight to"} {flight["end"]:.6g} s',
+        )
+        for number, flight in enumerate(found, 1)
+    ]
+
+
+def _wind(found: dict[str, Any] | None) -> list[tuple[str, str]]:
+    if found is None:
+        return []
+    text = f'{found["speed"]:.3g} m/s from {found["from_deg"]:.0f} deg, +-{found["std"]:.2g} m/s'
+    return [('wind', f'{text} ({found["method"]})')]
 
 
 def _altitude(summary: dict[str, Any]) -> str:

@@ -109,6 +109,21 @@ def test_replay_of_a_real_glider(tmp_path: Path, capsys: pytest.CaptureFixture[s
         assert np.isfinite(columns[name].to_numpy()).all(), name
 
 
+def test_replay_with_the_wind(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / 'thermal.csv'
+    assert main(['replay', str(GLIDER), '--wind', 'circling', '-o', str(path)]) == 0
+    assert 'wind' in capsys.readouterr().out
+    columns = path.read_text().split('\n', 1)[0].split(',')
+    assert {'wind_x_e', 'wind_y_e', 'wind_std', 'airspeed', 'bank_air'} <= set(columns)
+
+
+def test_replay_of_one_flight(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['replay', str(GLIDER), '--flight', '1']) == 0
+    assert 'flight 1   ' in capsys.readouterr().out
+    assert main(['replay', str(GLIDER), '--flight', '3']) == 2
+    assert 'there is no flight 3' in capsys.readouterr().err
+
+
 def test_info_tells_what_a_log_can_be_replayed_as(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['info', str(GLIDER)]) == 0
     header, row = capsys.readouterr().out.splitlines()
@@ -134,7 +149,7 @@ def test_vehicles_are_listed_with_the_errors_of_their_fits(
 ) -> None:
     assert main(['vehicles']) == 0
     lines = {line.split()[0]: line for line in capsys.readouterr().out.splitlines()}
-    assert ' - ' in lines['quadcopter'] and 'CD 6.5e-04 rel.' in lines['cessna152']
+    assert ' - ' in lines['quadcopter'] and 'CD 2.1e-04 rel.' in lines['cessna152']
     assert main(['vehicles', 'cessna152', '--json']) == 0
     (row,) = json.loads(capsys.readouterr().out)
     assert row['fit_errors']['CD']['samples'] == 200 and row['rates'] == {}

@@ -79,13 +79,14 @@ class Measured:
     position_ned: Array | None = None
     velocity_ned: Array | None = None
     attitude: Array | None = None
+    airspeed: Array | None = None
     position_std: Array | None = None
     velocity_std: Array | None = None
     datum: Datum = 'ellipsoid'
     origin: GeodeticPoint | None = None
     epoch: NDArray[np.int64] | None = None
 
-    def columns(self) -> dict[str, Array]:
+    def columns(self) -> dict[str, Any]:
         """Return the columns that a track takes."""
         return {
             f.name: getattr(self, f.name)

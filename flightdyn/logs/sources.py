@@ -348,6 +348,7 @@ def track_of(
         segment=segment,
         origin=origin,
         altitude_datum=_datum(source, measured, origin, warnings),
+        clock='recorder' if time is columns.log_time else 'message',
         file=str(log.path),
         source=source.topic,
         schema=source.schema,

@@ -1,4 +1,9 @@
-"""Order in time of what a log holds: which clock, what came late or twice, where it breaks off."""
+"""Order in time of what a log holds: which clock, what came late or twice, where it breaks off.
+
+References
+----------
+.. [1] IS-GPS-200N, 2022, section 20.3.3.3.1.1, transmission week number.
+"""
 
 from dataclasses import dataclass, field
 
@@ -6,6 +11,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 Times = NDArray[np.int64]
+
+FIRST_LOGS = 946_684_800 * 10**9
+"""2000-01-01 in Unix time [ns]: a stamp before that counts from somewhere else."""
+
+WEEK_S = 604_800
+GPS_ERA_S = 1024 * WEEK_S
+"""The week number of GPS has ten bits: receivers take the wrong one of 19.6 years [1]."""
+
+LEAP_SECONDS = (
+    (1_483_228_800, 18),
+    (1_435_708_800, 17),
+    (1_341_100_800, 16),
+    (1_230_768_000, 15),
+    (1_136_073_600, 14),
+    (915_148_800, 13),
+)
+"""GPS time less UTC [s] from Unix times on, latest first: IERS Bulletin C 52 and before."""
+
+DAY_S = 86_400
+ROLLOVER_SLACK_S = 60.0
+"""A step back is that of a day or a week if the recorder agrees to so much [s]."""
+
+LEAP_SLACK_S = 0.3
+"""Stamps ahead of the recorder by the leap seconds, to within this, are GPS time [s]."""
 
 MIN_GAP_S = 10.0
 GAP_IN_MEDIANS = 10.0
@@ -53,6 +82,8 @@ class Rows:
 def choose_clock(stamp: Times, log_time: Times, rows: Rows, warnings: list[str]) -> Times:
     """Return the time of each message: its header's stamp where drivers fill it, else log time.
 
+    Stamps that are wrong in a way that can be told are put right, see `_put_right`.
+
     Parameters
     ----------
     stamp, log_time : int array (n,)
@@ -60,7 +91,12 @@ def choose_clock(stamp: Times, log_time: Times, rows: Rows, warnings: list[str])
     rows : Rows
         Messages without a stamp are dropped if most others have one.
     warnings : list of str
-        Gets a sentence if the stamps are not used.
+        Gets a sentence if the stamps are not used, or not as they are.
+
+    Returns
+    -------
+    int array (n,)
+        `log_time` itself if the stamps are not used.
     """
     used = rows.used
     if used.size == 0:
@@ -74,7 +110,71 @@ def choose_clock(stamp: Times, log_time: Times, rows: Rows, warnings: list[str])
         warnings.append('header stamps never change: times are those of the recorder')
         return log_time
     rows.drop(unset, 'no time stamp')
-    return stamp
+    return _put_right(stamp, log_time, rows.used, warnings)
+
+
+def _put_right(
+    stamp: Times, log_time: Times, used: NDArray[np.intp], warnings: list[str]
+) -> Times:
+    """Return stamps whose date, week, day or leap seconds are wrong, corrected.
+
+    The recorder's clock says when it was; the stamps say better how far apart. So the one is used
+    for whole eras, weeks, days and leap seconds only, or for the date of stamps that count from
+    the vehicle's start.
+    """
+    if used.size < 2 or np.median(log_time[used]) < FIRST_LOGS:
+        return stamp
+    time = stamp.copy()
+    time[used] = _unrolled(stamp[used], log_time[used], warnings)
+    behind = int(np.median(log_time[used] - time[used]))
+    if np.median(time[used]) < FIRST_LOGS and behind > GPS_ERA_S * 10**9 // 2:
+        eras = round(behind / (GPS_ERA_S * 1e9))
+        if abs(behind - eras * GPS_ERA_S * 10**9) > DAY_S * 10**9:
+            warnings.append(
+                "header stamps count from the vehicle's start: the date is the recorder's"
+            )
+            time[used] = steady_time(time[used], log_time[used])
+            return time
+    eras = round(behind / (GPS_ERA_S * 1e9))
+    if eras and abs(behind - eras * GPS_ERA_S * 10**9) < DAY_S * 10**9:
+        warnings.append(
+            f'header stamps are {1024 * eras} weeks behind the recorder: taken as a rollover of '
+            'the GPS week, and put right'
+        )
+        time[used] += eras * GPS_ERA_S * 10**9
+    return _without_leap_seconds(time, log_time, used, warnings)
+
+
+def _unrolled(stamp: Times, log_time: Times, warnings: list[str]) -> Times:
+    """Return stamps without steps back by a day or a week in which the recorder saw none."""
+    step, meanwhile = np.diff(stamp), np.diff(log_time)
+    time = stamp.copy()
+    for period, what in ((WEEK_S, 'a week'), (DAY_S, 'a day')):
+        missing = step - meanwhile + period * 10**9
+        rolled = (step < 0) & (np.abs(missing) < ROLLOVER_SLACK_S * 10**9)
+        if rolled.any():
+            warnings.append(f'header stamps jump back by {what} where no time passed: put right')
+            time[1:] += np.cumsum(rolled) * period * 10**9
+    return time
+
+
+def _without_leap_seconds(
+    time: Times, log_time: Times, used: NDArray[np.intp], warnings: list[str]
+) -> Times:
+    ahead = (time[used] - log_time[used]) * 1e-9
+    low, middle, high = np.percentile(ahead, (10, 50, 90))
+    at = float(np.median(log_time[used])) * 1e-9
+    leap = next((seconds for since, seconds in LEAP_SECONDS if at >= since), 0)
+    # A recorder's clock that is off by just that much, steadily, would be a coincidence.
+    if leap == 0 or abs(middle - leap) > LEAP_SLACK_S or high - low > LEAP_SLACK_S:
+        return time
+    warnings.append(
+        f'header stamps are {leap} s ahead of the recorder: taken as GPS time without leap '
+        'seconds, and put right'
+    )
+    time = time.copy()
+    time[used] -= leap * 10**9
+    return time
 
 
 def arrange(

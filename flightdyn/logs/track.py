@@ -35,10 +35,14 @@ class Track:
         there is none.
     attitude : array (n, 4) or None
         q_eb (w, x, y, z), body FRD to local NED.
+    airspeed : array (n,) or None
+        Measured true airspeed [m/s], NaN where there is none.
     position_std, velocity_std : array (n, 3) or None
         Reported 1-sigma, north, east, down [m], [m/s]; a row of NaN where unknown.
     origin : GeodeticPoint or None
         Origin of a local track, if the log says it.
+    clock : 'message' or 'recorder'
+        Whose times these are: those in the messages, or when they were recorded.
     source, schema : str
         Topic and schema name.
     messages : int
@@ -57,10 +61,12 @@ class Track:
     position_ned: Array | None = None
     velocity_ned: Array | None = None
     attitude: Array | None = None
+    airspeed: Array | None = None
     position_std: Array | None = None
     velocity_std: Array | None = None
     origin: GeodeticPoint | None = None
     altitude_datum: Datum = 'unknown'
+    clock: Literal['message', 'recorder'] = 'message'
     file: str = ''
     source: str = ''
     schema: str = ''

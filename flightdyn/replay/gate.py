@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import gauss_markov as gm
-from .smoother import STATE, measurement, scan, split, start_state
+from .smoother import STATE, densities, measurement, scan, split, start_state
 
 Array = NDArray[np.float64]
 
@@ -82,8 +82,9 @@ def innovations(
     base = z_p[np.argmax(known, axis=0), np.arange(3)]
     z_p = np.where(known, z_p - base, 0.0)
     start = np.concatenate((start_state(dt, z_p, w_p, z_v, w_v).reshape(-1), np.zeros(_EXTRA)))
-    inputs = np.concatenate((dt[:, None], z_p[1:], w_p[1:], z_v[1:], w_v[1:]), axis=1)
-    rest = scan(_compiled, start, inputs, np.asarray(jerk_density))[:, 3 * STATE :]
+    q = densities(jerk_density, n)
+    inputs = np.concatenate((dt[:, None], z_p[1:], w_p[1:], z_v[1:], w_v[1:], q), axis=1)
+    rest = scan(_compiled, start, inputs)[:, 3 * STATE :]
     groups = len(_GROUPS)
     result = np.zeros((n, 2 * groups))
     result[1:] = rest[:, groups:]
@@ -149,9 +150,8 @@ def _of_two_axes() -> float:
 def _compiled(size: int) -> cas.Function:
     groups = len(_GROUPS)
     state = cas.SX.sym('state', 3 * STATE + _EXTRA)
-    q = cas.SX.sym('q', 3)
-    row = cas.SX.sym('row', 13)
-    dt = row[0]
+    row = cas.SX.sym('row', 16)
+    dt, q = row[0], row[-3:]
     axes = [gm.predict(*split(state, axis * STATE), dt, q[axis]) for axis in range(3)]
     waits: list[Any] = []
     ratios: list[Any] = []
@@ -182,7 +182,7 @@ def _compiled(size: int) -> cas.Function:
     after = [part for mean, cov in axes for part in (*mean, *cov)]
     step_function = cas.Function(
         'gate_step',
-        [state, row, q],
+        [state, row],
         [cas.vertcat(*after, *waits, *ratios, *distances)],
         {'cse': True},
     )

@@ -29,6 +29,7 @@ PLAUSIBLE_ACCELERATION_CHANGE = 45.0
 _HORIZONTAL_VERTICAL: Groups = ((0, 1), (2,))
 _WINDOW = 96  # samples per window: ten turns of a thermal at 1 Hz, half a flip at 200 Hz
 _WINDOWS = 24
+_TURNING = 0.2  # of the power; of 24 windows of scatter alone the median is 0.05
 _WARM_UP = 3  # innovations that only say what was unknown at first
 
 
@@ -83,12 +84,14 @@ def estimate_noise(
     -----
     North and east share one estimate, down has its own. The likelihood is summed over windows
     spread over the log, without those in which the vehicle stays where it is: a parked receiver
-    says nothing about the manoeuvres. It is maximised over a decade grid, refined twice.
+    says nothing about the manoeuvres. It is maximised over a decade grid, refined twice. Of each
+    noise level the likelihood is the mean over all jerk densities, window by window, as a flight
+    has calm and sharp parts; the density returned is the one that suits all windows best.
 
     A circle sampled a few times a turn can be explained by sharp manoeuvres or by a noise as wide
-    as the circle, and the likelihood alone often prefers the latter. So noise beyond
-    `PLAUSIBLE_POSITION_STD` is considered only if without it the manoeuvres would exceed
-    `PLAUSIBLE_ACCELERATION_CHANGE`, as positions that jump back and forth make them.
+    as the circle, and the likelihood alone often prefers the latter. So where the scatter goes
+    round, noise beyond `PLAUSIBLE_POSITION_STD` is considered only if without it the manoeuvres
+    would exceed `PLAUSIBLE_ACCELERATION_CHANGE`, as positions that jump back and forth make them.
 
     References
     ----------
@@ -102,18 +105,19 @@ def estimate_noise(
     limits = (position_std_limits, velocity_std_limits)
     steps = np.concatenate([np.diff(time[w]) for w in windows])
     interval = float(np.median(steps)) if steps.size else 0.0
+    scattered = not _goes_round(position, windows)
     result = np.ones((3, 3))  # level, axis
     for group in _HORIZONTAL_VERTICAL:
         axes = list(group)
         data = _cut(time, position, velocity, windows, axes)
         grids = _grids(fixed, limits, velocity is not None, axes)
-        plausible = grids[0]
-        if plausible.size > 1:
-            top = max(float(plausible[0]), PLAUSIBLE_POSITION_STD)
-            plausible = np.unique(np.minimum(plausible, top))
-        best = _climb(data, [plausible, grids[1], grids[2]])
-        if best[2] * interval > PLAUSIBLE_ACCELERATION_CHANGE**2:
-            best = _climb(data, grids)
+        plausible = _plausible(grids, interval)
+        if scattered:
+            best = _climb(data, [grids[0], grids[1], plausible[2]])
+        else:
+            best = _climb(data, [plausible[0], grids[1], grids[2]])
+            if best[2] * interval > PLAUSIBLE_ACCELERATION_CHANGE**2:
+                best = _climb(data, [grids[0], grids[1], plausible[2]])
         result[:, axes] = best[:, None]
     for level, known in enumerate(fixed):
         if known is not None:
@@ -146,6 +150,15 @@ def _grids(
     return grids
 
 
+def _plausible(grids: list[Array], interval: float) -> list[Array]:
+    """Return what of the grids no faulty log is needed for, at least the least of each."""
+    tops = (PLAUSIBLE_POSITION_STD, np.inf, PLAUSIBLE_ACCELERATION_CHANGE**2 / max(interval, 1e-9))
+    return [
+        np.unique(np.minimum(grid, max(float(grid[0]), top)))
+        for grid, top in zip(grids, tops, strict=True)
+    ]
+
+
 def _windows(position: Array, segment: NDArray[np.int64]) -> list[slice]:
     """Return stretches without a gap in which the vehicle moves, at most `_WINDOWS` of them."""
     pieces = [
@@ -161,6 +174,22 @@ def _windows(position: Array, segment: NDArray[np.int64]) -> list[slice]:
     return [pieces[i] for i in keep]
 
 
+def _goes_round(position: Array, windows: Sequence[slice]) -> bool:
+    """Return whether what looks like scatter is a circle sampled a few times a turn.
+
+    Third differences of white scatter are negatively correlated from one to the next, as are those
+    of a circle; but a circle's are turned by the same angle each time, to the same side.
+    """
+    turns = []
+    for window in windows:
+        place = position[window, 0] + 1j * position[window, 1]
+        rough = np.diff(place[np.isfinite(place)], 3)
+        power = float(np.sum(np.abs(rough) ** 2))
+        if rough.size > 3 and power > 0:
+            turns.append(abs(np.sum(rough[1:] * np.conj(rough[:-1])).imag) / power)
+    return bool(turns) and float(np.median(turns)) > _TURNING
+
+
 def _extent(position: Array) -> float:
     known = np.isfinite(position)
     most = np.where(known, position, -np.inf).max(axis=0)
@@ -172,6 +201,7 @@ def _extent(position: Array) -> float:
 class _Data:
     """Windows side by side, (samples, windows x axes); samples past a window's end weigh 0."""
 
+    windows: int
     dt: Array
     position: Array
     has_position: Array
@@ -203,31 +233,45 @@ def _cut(
             columns[name][:size, k] = np.where(known, z, 0.0)
             columns['h' + name][:size, k] = known
     flat = {name: c.reshape(longest, -1) for name, c in columns.items()}
-    return _Data(dt.reshape(longest, -1), flat['p'], flat['hp'], flat['v'], flat['hv'])
+    dt = dt.reshape(longest, -1)
+    return _Data(len(windows), dt, flat['p'], flat['hp'], flat['v'], flat['hv'])
 
 
 def _climb(data: _Data, grids: list[Array]) -> Array:
-    """Return the likeliest (position_std, velocity_std, jerk_density) of a grid, refined twice."""
+    """Return the likeliest (position_std, velocity_std, jerk_density) of a grid, refined twice.
+
+    The density is refined last: while the noise is looked for, each window has its own.
+    """
     best = _likeliest(data, grids)
     for step in (0.5, 0.25):
-        near = best[:, None] * 10.0 ** np.array([-step, 0.0, step])
-        best = _likeliest(
-            data,
-            [
-                np.unique(np.clip(n, grid[0], grid[-1]))
-                for n, grid in zip(near, grids, strict=True)
-            ],
-        )
+        best = _likeliest(data, [*_near(best[:2], grids[:2], step), grids[2]])
+    for step in (0.5, 0.25):
+        fixed = [best[:1], best[1:2]]
+        best = _likeliest(data, [*fixed, *_near(best[2:], grids[2:], step)])
     return best
+
+
+def _near(values: Array, grids: list[Array], step: float) -> list[Array]:
+    factors = 10.0 ** np.array([-step, 0.0, step])
+    return [
+        np.unique(np.clip(value * factors, grid[0], grid[-1]))
+        for value, grid in zip(values, grids, strict=True)
+    ]
 
 
 def _likeliest(data: _Data, grids: list[Array]) -> Array:
     candidates = np.stack(np.meshgrid(*grids, indexing='ij'), axis=-1).reshape(-1, 3)
-    return np.asarray(candidates[int(np.argmax(_log_likelihood(data, candidates)))])
+    each = _log_likelihood(data, candidates)
+    # The noise stays the same from window to window, the manoeuvres do not.
+    shape = (-1, grids[2].size, each.shape[1])
+    levels = np.logaddexp.reduce(each.reshape(shape), axis=1).sum(axis=1)
+    place = int(np.argmax(levels))
+    density = int(np.argmax(each.reshape(shape)[place].sum(axis=1)))
+    return np.asarray(candidates[place * grids[2].size + density])
 
 
 def _log_likelihood(data: _Data, candidates: Array) -> Array:
-    """Return the log likelihood of the innovations for each candidate (m, 3), shape (m,)."""
+    """Return the log likelihood of each window's innovations, candidates (m, 3): (m, windows)."""
     sigma_p, sigma_v, q = (candidates[:, i, None] for i in range(3))
     w_p, w_v = sigma_p**-2.0, sigma_v**-2.0
     shape = (candidates.shape[0], data.dt.shape[1])
@@ -250,4 +294,4 @@ def _log_likelihood(data: _Data, candidates: Array) -> Array:
                 spread = cov[0 if component == 0 else 3] + 1 / weight
                 total -= known * (np.log(spread) + (z - mean[component]) ** 2 / spread)
             mean, cov = gm.measure(mean, cov, component, z, weight * known)
-    return np.asarray(total.sum(axis=1) / 2)
+    return np.asarray(total.reshape(shape[0], data.windows, -1).sum(axis=2) / 2)

@@ -10,23 +10,29 @@ from ..environment.geodesy import GeodeticPoint, geodetic_from_ned, ned_from_geo
 from ..errors import InputError
 from ..logs.track import Track
 from ..trajectory import Trajectory, stretches
+from .flight_path import bank_about, energies, flight_path, turn_from_origin
+from .manoeuvres import local_jerk_density
 from .noise import MIN_STD, Noise, estimate_noise
 from .outliers import Rejected, Verdict, judge, judge_smoothed
 from .samples import Samples, merge_repeats, without, without_obvious
 from .smoother import smooth
+from .wind import Method, estimate_wind
 
 Array = NDArray[np.float64]
 
 MODEL = 'DynamicsPointMass3DSpeedGammaTrack'
-G0 = 9.80665  # m/s^2, standard gravity: 3rd CGPM 1901
 METRES_PER_DEGREE = 111_320.0  # of longitude at the equator, WGS84; only for the size of a digit
-REST_SPEED = 0.01
-"""Below this the direction of the velocity means nothing, however precise the log [m/s]."""
+VELOCITY_WANDER: Array = np.array([0.045, 0.045, 0.09])
+"""1-sigma of the velocity of a satellite fix that stands still, north, east, down [m/s].
+
+What the atmosphere and reflections make of a position wanders: it is common to neighbouring
+samples, so no smoothing shows or lessens it. 1 m, down 2 m, of a correlation time of 100 s makes
+0.45 m and 0.9 m in the 10 s of a slow smoothing.
+"""
+
+_WANDER_S = 10.0  # over which that wander is compared with white noise
 
 _ROUNDS = 4  # of judging the samples: each shows what a worse one hid
-
-_MAX_TRACK_STD = np.pi / np.sqrt(3)  # any direction at all: uniform over a turn
-_MAX_GAMMA_STD = np.pi / np.sqrt(12)  # uniform over +-pi/2
 
 
 def reconstruct(
@@ -35,6 +41,7 @@ def reconstruct(
     position_std: ArrayLike | None = None,
     velocity_std: ArrayLike | None = None,
     jerk_density: ArrayLike | None = None,
+    wind: Method | None = None,
 ) -> Trajectory:
     """Return what a point mass did to leave this track.
 
@@ -46,7 +53,10 @@ def reconstruct(
         1-sigma of the measurements, north, east, down [m], [m/s]. Default: estimated from the
         log (`noise.estimate_noise`), at most what it reports, at least what its digits resolve.
     jerk_density : float or array (3,), optional
-        How sharply the vehicle manoeuvres [m^2/s^5]. Default: estimated from the log.
+        How sharply the vehicle manoeuvres [m^2/s^5]. Default: estimated from the log, and from
+        moment to moment (`manoeuvres.local_jerk_density`).
+    wind : 'circling' or 'airspeed', optional
+        Estimate the wind, see `wind.estimate_wind`, and with it the motion through the air.
 
     Returns
     -------
@@ -56,10 +66,15 @@ def reconstruct(
         States: `x_e`, `y_e`, `z_e` [m] in the tangent plane at the origin, which of a geodetic
         track is its first sample; `speed` over the ground [m/s], `gamma`, `track` [rad].
         Control: `bank` [rad].
-        Outputs: `u_e`, `v_e`, `w_e` [m/s], `load_factor` [g], the 1-sigma `x_e_std`, `y_e_std`,
-        `z_e_std`, `speed_std`, `gamma_std`, `track_std`; `lat`, `lon` [deg] and `altitude` [m,
-        datum of the track] of the smoothed position, if the track is tied to the earth; `phi`,
-        `theta`, `psi` [rad] as measured, if every sample has an attitude.
+        Outputs: `u_e`, `v_e`, `w_e` [m/s], `load_factor` [g]; the 1-sigma of the states, the
+        control and the load factor, `x_e_std` to `load_factor_std`; `specific_energy` [J/kg],
+        `specific_energy_rate` [W/kg], `specific_excess_power` [m/s]; `lat`, `lon` [deg] and
+        `altitude` [m, datum of the track] of the smoothed position, if the track is tied to the
+        earth; `phi`, `theta`, `psi` [rad] as measured, if every sample has an attitude.
+
+        With a wind that could be estimated: `wind_x_e`, `wind_y_e`, where the air moves to at the
+        vehicle, and the 1-sigma of each, `wind_std` [m/s]; `airspeed` [m/s] with `airspeed_std`;
+        `bank_air` [rad], the bank about the velocity through the air.
 
     Raises
     ------
@@ -73,21 +88,28 @@ def reconstruct(
     the origin the two differ by 0.9 deg, so there `u_e v_e w_e` is not d(x_e y_e z_e)/dt.
 
     Bank and load factor assume coordinated flight in still air: the lift vector is the
-    acceleration less gravity, across the velocity. The earth does not rotate here, which is worth
-    0.2 deg of bank at 250 m/s.
+    acceleration less gravity, across the velocity. That the earth rotates counts where it is
+    known where on it the vehicle is. Energies are those over the ground, potential from altitude
+    0, or from the local origin.
 
-    Nothing is NaN. Where the horizontal speed is within its 1-sigma (or `REST_SPEED`), `track`
-    keeps its last meaningful value; where the speed is, `gamma` and `bank` go to 0 and their
-    1-sigma to that of an angle unknown.
+    Nothing is NaN. Where the horizontal speed is within its 1-sigma or below
+    `flight_path.REST_SPEED`, `track` keeps its last meaningful value; where the speed is, `gamma`
+    and `bank` go to 0, the 1-sigma of `gamma` to that of an angle unknown, and that of `bank` to
+    the tilt of the lift.
 
     Samples that the rest contradicts are not used, see `outliers`; where the positions jump for
     good a new segment begins. `reconstruct_checked` tells what was left out.
 
     What the log reports as 1-sigma beyond the white noise seen in it is taken as an error common
-    to neighbouring samples: smoothing does not lessen it, and it is added to the result's.
+    to neighbouring samples: smoothing does not lessen it, and it is added to the result's. So is
+    `VELOCITY_WANDER` where velocity is known from positions on the earth alone.
     """
     return reconstruct_checked(
-        track, position_std=position_std, velocity_std=velocity_std, jerk_density=jerk_density
+        track,
+        position_std=position_std,
+        velocity_std=velocity_std,
+        jerk_density=jerk_density,
+        wind=wind,
     )[0]
 
 
@@ -97,6 +119,7 @@ def reconstruct_checked(
     position_std: ArrayLike | None = None,
     velocity_std: ArrayLike | None = None,
     jerk_density: ArrayLike | None = None,
+    wind: Method | None = None,
 ) -> tuple[Trajectory, Rejected]:
     """Return what `reconstruct` does, and which samples it did not use and why.
 
@@ -130,7 +153,8 @@ def reconstruct_checked(
                 known=rejected,
             )
         if not verdict:
-            vectors, variances = _smoothed(samples, plane, white, noise)
+            everywhere = np.broadcast_to(noise.jerk_density, white[0].shape)
+            vectors, variances = _smoothed(samples, plane, white, everywhere)
             if judging:
                 verdict = judge_smoothed(
                     samples.time,
@@ -147,8 +171,24 @@ def reconstruct_checked(
         plane = _in_plane(samples, track.origin)
         if judging == _ROUNDS:
             noise = _at_most(noise, _noise(samples, plane, digits, given))
-    variances += np.stack(common)
-    return _trajectory(samples, plane.origin, vectors, variances), rejected
+    if given[2] is None:
+        density = local_jerk_density(
+            samples.time,
+            plane.measured,
+            plane.velocity,
+            samples.segment,
+            position_std=white[0],
+            velocity_std=white[1],
+            jerk_density=noise.jerk_density,
+        )
+        vectors, variances = _smoothed(samples, plane, white, density)
+    variances[:2] += np.stack(common)
+    if samples.geodetic is not None and plane.velocity is None:
+        variances[1] += VELOCITY_WANDER**2
+    elif samples.geodetic is not None and given[0] is None:
+        told = _reported(samples.position_std)
+        variances[0] = np.maximum(variances[0], 0.0 if told is None else told**2)
+    return _trajectory(samples, plane.origin, vectors, variances, wind), rejected
 
 
 @dataclass(frozen=True)
@@ -170,11 +210,22 @@ def _in_plane(samples: Samples, origin: GeodeticPoint | None) -> _Plane:
         position = samples.position
     velocity = samples.velocity
     if velocity is not None:
-        velocity = frames.stack(frames.rotate(_turn(position, origin), _components(velocity)))
+        velocity = frames.stack(
+            frames.rotate(turn_from_origin(position, origin), _components(velocity))
+        )
     return _Plane(origin, np.where(samples.usable, position, np.nan), velocity)
 
 
 def _noise(samples: Samples, plane: _Plane, digits: Array, given: list[Array | None]) -> Noise:
+    reported = _median(_reported(samples.position_std))
+    least = digits
+    if samples.geodetic is not None and plane.velocity is not None and samples.time.size > 1:
+        # A receiver's positions go together smoothly, and wander: white noise of the millimetres
+        # that are seen would make more of their differences than of the velocity, which does not
+        # wander. This much white noise tells as much of the velocity in `_WANDER_S` as they do.
+        usual = max(float(np.median(np.diff(samples.time))), 1e-3)
+        white = VELOCITY_WANDER * _WANDER_S * np.sqrt(_WANDER_S / (12 * usual))
+        least = np.maximum(digits, np.minimum(white, reported))
     return estimate_noise(
         samples.time,
         plane.measured,
@@ -183,7 +234,7 @@ def _noise(samples: Samples, plane: _Plane, digits: Array, given: list[Array | N
         position_std=given[0],
         velocity_std=given[1],
         jerk_density=given[2],
-        position_std_limits=(digits, _median(_reported(samples.position_std))),
+        position_std_limits=(least, reported),
         velocity_std_limits=(MIN_STD, _median(_reported(samples.velocity_std))),
     )
 
@@ -213,12 +264,11 @@ def _shared(
 
 
 def _smoothed(
-    samples: Samples, plane: _Plane, white: tuple[Array, Array], noise: Noise
+    samples: Samples, plane: _Plane, white: tuple[Array, Array], jerk_density: Array
 ) -> tuple[Array, Array]:
-    """Return position, velocity, acceleration (3, n, 3) and the variance of the first two."""
+    """Return position, velocity, acceleration (3, n, 3) and the variance of each."""
     size = samples.time.size
-    vectors = np.empty((3, size, 3))
-    variances = np.empty((2, size, 3))
+    vectors, variances = np.empty((3, size, 3)), np.empty((3, size, 3))
     for piece in stretches(samples.segment):
         smoothed = smooth(
             samples.time[piece],
@@ -226,10 +276,10 @@ def _smoothed(
             position_std=white[0][piece],
             velocity=None if plane.velocity is None else plane.velocity[piece],
             velocity_std=white[1][piece],
-            jerk_density=noise.jerk_density,
+            jerk_density=jerk_density[piece],
         )
         vectors[:, piece] = smoothed.position, smoothed.velocity, smoothed.acceleration
-        variances[:, piece] = np.moveaxis(smoothed.std[:, :, :2] ** 2, 2, 0)
+        variances[:, piece] = np.moveaxis(smoothed.std**2, 2, 0)
     return vectors, variances
 
 
@@ -238,26 +288,38 @@ def _trajectory(
     origin: GeodeticPoint | None,
     vectors: Array,
     variances: Array,
+    wind: Method | None,
 ) -> Trajectory:
     position = vectors[0]
-    r_local_origin = frames.transpose(_turn(position, origin))
-    vel = frames.rotate(r_local_origin, _components(vectors[1]))
-    acc = frames.rotate(r_local_origin, _components(vectors[2]))
+    r_local_origin = frames.transpose(turn_from_origin(position, origin))
+    vel, acc = (frames.rotate(r_local_origin, _components(rows)) for rows in vectors[1:])
     first, second, third = (tuple(np.square(r) for r in row) for row in r_local_origin)
-    vel_var = frames.rotate((first, second, third), _components(variances[1]))
-    angles = _flight_path(vel, acc, vel_var)
-    outputs = {
-        'u_e': vel[0],
-        'v_e': vel[1],
-        'w_e': vel[2],
-        'load_factor': angles.pop('load_factor'),
-    }
+    vel_var, acc_var = (
+        frames.rotate((first, second, third), _components(rows)) for rows in variances[1:]
+    )
+    place: dict[str, Array] = {}
     if origin is not None:
-        lat, lon, altitude = geodetic_from_ned(*_components(position), origin)
-        outputs |= {'lat': lat, 'lon': lon, 'altitude': altitude}
+        place = dict(
+            zip(
+                ('lat', 'lon', 'altitude'),
+                geodetic_from_ned(*_components(position), origin),
+                strict=True,
+            )
+        )
+    angles = flight_path(vel, acc, vel_var, acc_var, lat=place.get('lat'))
+    outputs = {
+        'u_e': np.asarray(vel[0]),
+        'v_e': np.asarray(vel[1]),
+        'w_e': np.asarray(vel[2]),
+        'load_factor': angles.pop('load_factor'),
+        **place,
+        **energies(place.get('altitude', -position[:, 2]), vel, acc),
+    }
     std = np.sqrt(variances[0])
     outputs |= {f'{name}_std': std[:, i] for i, name in enumerate(('x_e', 'y_e', 'z_e'))}
-    outputs |= {name: angles.pop(name) for name in ('speed_std', 'gamma_std', 'track_std')}
+    outputs |= {name: angles.pop(name) for name in list(angles) if name.endswith('_std')}
+    if wind is not None:
+        outputs |= _through_air(samples, vel, acc, place.get('lat'), outputs['speed_std'], wind)
     if samples.attitude is not None:
         w, x, y, z = samples.attitude.T
         r_eb = frames.rotation_from_quaternion((w, x, y, z))
@@ -281,90 +343,39 @@ def _trajectory(
     )
 
 
-def _flight_path(
-    vel: frames.Vector, acc: frames.Vector, vel_var: frames.Vector
+def _through_air(
+    samples: Samples,
+    vel: frames.Vector,
+    acc: frames.Vector,
+    lat: Array | None,
+    speed_std: Array,
+    method: Method,
 ) -> dict[str, Array]:
-    """Return speed, gamma, track, bank, load factor and 1-sigmas in local north-east-down.
-
-    References
-    ----------
-    .. [1] Drela, *Flight Vehicle Aerodynamics*, 2014, section 9.3, for the wind axes.
-    """
-    north, east, down = (np.asarray(v) for v in vel)
-    horizontal = np.hypot(north, east)
-    speed = np.hypot(horizontal, down)
-    course = np.arctan2(east, north)
-    along = np.where(horizontal > 0, course, 0.0)
-    var_along = np.cos(along) ** 2 * vel_var[0] + np.sin(along) ** 2 * vel_var[1]
-    track = _hold(course, horizontal > np.maximum(np.sqrt(var_along), REST_SPEED))
-    track = np.where(track >= np.pi, track - 2 * np.pi, track)
-
-    cos_t, sin_t = np.cos(track), np.sin(track)
-    var_along = cos_t**2 * vel_var[0] + sin_t**2 * vel_var[1]
-    var_across = sin_t**2 * vel_var[0] + cos_t**2 * vel_var[1]
-    climb = np.arctan2(-down, horizontal)
-    var_speed = np.cos(climb) ** 2 * var_along + np.sin(climb) ** 2 * vel_var[2]
-    moving = _ramp(speed / np.maximum(np.sqrt(var_speed), REST_SPEED))
-    gamma = climb * moving
-
-    # Specific force along the wind axes of zero bank: to the right, and up across the velocity.
-    force = (acc[0], acc[1], acc[2] - G0)
-    right = -sin_t * force[0] + cos_t * force[1]
-    forward = cos_t * force[0] + sin_t * force[1]
-    up = -(np.sin(gamma) * forward + np.cos(gamma) * force[2])
-    safe = np.maximum(speed, REST_SPEED)
-    var_gamma = np.cos(climb) ** 2 * vel_var[2] + np.sin(climb) ** 2 * var_along
+    """Return the wind and what it makes of the motion; nothing if no wind can be told."""
+    if method == 'airspeed' and samples.airspeed is None:
+        return {}
+    found = estimate_wind(
+        samples.time,
+        frames.stack(vel),
+        samples.segment,
+        samples.airspeed if method == 'airspeed' else None,
+    )
+    if found is None:
+        return {}
+    air = (found.north, found.east, np.zeros_like(found.north))
+    airspeed, bank = bank_about(vel, acc, lat, air)
     return {
-        'speed': speed,
-        'gamma': gamma,
-        'track': track,
-        'bank': np.arctan2(right, up) * moving,
-        'load_factor': np.hypot(right, up) / G0,
-        'speed_std': np.sqrt(var_speed),
-        'gamma_std': np.minimum(np.sqrt(var_gamma) / safe, _MAX_GAMMA_STD),
-        'track_std': np.minimum(
-            np.sqrt(var_across) / np.maximum(horizontal, REST_SPEED), _MAX_TRACK_STD
-        ),
+        'wind_x_e': found.north,
+        'wind_y_e': found.east,
+        'wind_std': found.std,
+        'airspeed': airspeed,
+        'airspeed_std': np.hypot(speed_std, found.std),
+        'bank_air': bank,
     }
-
-
-def _hold(values: Array, meaningful: NDArray[np.bool_]) -> Array:
-    """Return values with the meaningless ones replaced by the last (else first) meaningful."""
-    if not meaningful.any():
-        return np.zeros_like(values)
-    index = np.maximum.accumulate(np.where(meaningful, np.arange(values.size), -1))
-    index[index < 0] = np.argmax(meaningful)
-    return np.asarray(values[index])
-
-
-def _ramp(ratio: Array) -> Array:
-    """Return 0 up to a ratio of 1, 1 from 2 on, smooth between."""
-    s = np.clip(ratio - 1.0, 0.0, 1.0)
-    return np.asarray(s * s * (3 - 2 * s))
 
 
 def _components(rows: Array) -> tuple[Array, Array, Array]:
     return rows[:, 0], rows[:, 1], rows[:, 2]
-
-
-def _turn(position: Array, origin: GeodeticPoint | None) -> frames.Rotation:
-    """Return the rotation from north-east-down at each position to that at the origin."""
-    if origin is None:
-        return frames.IDENTITY
-    lat, lon, _ = geodetic_from_ned(*_components(position), origin)
-    here = _earth_fixed_from_ned(lat, lon)
-    there = _earth_fixed_from_ned(origin.lat, origin.lon)
-    return frames.matmul(frames.transpose(there), here)
-
-
-def _earth_fixed_from_ned(lat: ArrayLike, lon: ArrayLike) -> frames.Rotation:
-    """Return the rotation from local NED to the earth-fixed axes, for degrees.
-
-    North-east-down is the earth-fixed frame yawed by the longitude, then pitched down by a right
-    angle and the latitude: x then points to the pole, z to the centre.
-    """
-    pitch = -(np.pi / 2 + np.radians(lat))
-    return frames.rotation_from_euler(0.0, pitch, np.radians(lon))
 
 
 def _positive(name: str, value: ArrayLike | None) -> Array | None:

@@ -1,28 +1,41 @@
 """Replay of a log in one call, and what to say of it."""
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..errors import InputError
 from ..logs.track import Track
 from ..trajectory import Trajectory
+from .flights import Flight, find_flights
 from .outliers import Rejected
 from .reconstruct import reconstruct_checked
+from .wind import Method
 
 KNOWN_SPEED = 0.2
 """A speed of a larger relative 1-sigma is not reported as the highest: of two fixes, say."""
 
 
+WindChoice = Literal['auto', 'circling', 'airspeed']
+"""How to estimate the wind: from full turns, or from a recorded airspeed; auto prefers that."""
+
+_NO_WIND: dict[Method, str] = {
+    'circling': 'no wind: it takes a full turn at a steady airspeed',
+    'airspeed': 'no wind: there is no recorded true airspeed on two courses',
+}
+
+
 @dataclass(frozen=True)
 class Replay:
-    """A log's track and the motion reconstructed from it."""
+    """A log's track and the motion reconstructed from it; `wind` is how that was asked for."""
 
     track: Track
     trajectory: Trajectory
     rejected: Rejected = field(default_factory=Rejected)
+    wind: Method | None = None
 
     def summary(self) -> dict[str, Any]:
         """Return figures for people and for JSON.
@@ -30,12 +43,13 @@ class Replay:
         Returns
         -------
         dict
-            `file source schema altitude_datum messages used dropped segments origin duration_s
-            distance_m max_speed max_altitude warnings`. Segments start and end in seconds of the
-            trajectory's time; distance [m] is flown within segments, not across gaps; altitude
-            [m] is above the datum, or the local origin where there is none. The highest speed is
-            of those known to `KNOWN_SPEED`. Of an altitude or velocity that was dropped, the rest
-            of the sample is used.
+            `file source schema altitude_datum clock messages used dropped segments flights origin
+            duration_s distance_m max_speed max_altitude wind warnings`. Segments and flights start
+            and end in seconds of the trajectory's time; distance [m] is flown within segments, not
+            across gaps; altitude [m] is above the datum, or the local origin where there is none.
+            The highest speed is of those known to `KNOWN_SPEED`. The wind is None, or its
+            `method`, median `speed` [m/s], `from_deg` (true) and median 1-sigma `std`. Of an
+            altitude or velocity that was dropped, the rest of the sample is used.
         """
         track, flown = self.track, self.trajectory
         origin = flown.origin
@@ -51,6 +65,7 @@ class Replay:
             'source': track.source,
             'schema': track.schema,
             'altitude_datum': track.altitude_datum,
+            'clock': track.clock,
             'messages': track.messages,
             'used': len(track) - self.rejected.samples,
             'dropped': dict(track.dropped) | self.rejected.counts,
@@ -62,6 +77,7 @@ class Replay:
                 }
                 for piece in pieces
             ],
+            'flights': [asdict(flight) for flight in self.flights()],
             'origin': None
             if origin is None
             else {'lat': origin.lat, 'lon': origin.lon, 'altitude': origin.altitude},
@@ -70,7 +86,24 @@ class Replay:
             'distance_m': distance,
             'max_speed': _max_speed(flown),
             'max_altitude': float(altitude.max()),
+            'wind': self._wind(),
             'warnings': self._warnings(),
+        }
+
+    def flights(self) -> list[Flight]:
+        """Return the flights from take-off to landing, see `flights.find_flights`."""
+        return find_flights(self.trajectory)
+
+    def _wind(self) -> dict[str, Any] | None:
+        flown = self.trajectory
+        if self.wind is None or 'wind_x_e' not in flown:
+            return None
+        north, east = (float(np.median(flown[name])) for name in ('wind_x_e', 'wind_y_e'))
+        return {
+            'method': self.wind,
+            'speed': float(np.hypot(north, east)),
+            'from_deg': float(np.degrees(np.arctan2(-east, -north)) % 360),
+            'std': float(np.median(flown['wind_std'])),
         }
 
     def _warnings(self) -> list[str]:
@@ -80,6 +113,8 @@ class Replay:
         repeated = len(track) - len(flown) - self.rejected.samples
         if repeated:
             found.append(f'{repeated} samples had the time of the one before and were averaged')
+        if self.wind is not None and 'wind_x_e' not in flown:
+            found.append(_NO_WIND[self.wind])
         lonely = sum(piece.stop - piece.start < 3 for piece in flown.segments())
         if lonely:
             found.append(
@@ -92,6 +127,13 @@ class Replay:
             elif blank:
                 found.append(f'{blank} samples had no altitude: interpolated')
         return found
+
+
+def _listed(flights: list[Flight]) -> str:
+    if not flights:
+        return 'none was found'
+    spans = (f'{n} from {f.start:.0f} to {f.end:.0f} s' for n, f in enumerate(flights, 1))
+    return 'there are ' + ', '.join(spans)
 
 
 def _max_speed(flown: Trajectory) -> float:
@@ -110,6 +152,8 @@ def replay_log(
     position_std: ArrayLike | None = None,
     velocity_std: ArrayLike | None = None,
     jerk_density: ArrayLike | None = None,
+    wind: WindChoice | None = None,
+    flight: int | None = None,
 ) -> Replay:
     """Return the motion recorded in a log.
 
@@ -123,18 +167,35 @@ def replay_log(
         Seconds from the log's first sample.
     position_std, velocity_std, jerk_density
         See `reconstruct`.
+    wind : 'auto', 'circling' or 'airspeed', optional
+        How to estimate the wind; 'auto' is by the airspeed if the log has one.
+    flight : int, optional
+        Only this one of the flights found, counted from 1: take-off to landing.
 
     Raises
     ------
     LogError
         If the log cannot be read or has no usable position.
     InputError
-        If the source or the range has no samples.
+        If the source or the range has no samples, or there is no such flight.
     """
     from ..logs.any_log import read_track
 
+    if flight is not None:
+        whole = replay_log(path, source=source, start=start, end=end)
+        found = whole.flights()
+        if not 1 <= flight <= len(found):
+            raise InputError(f'{path}: there is no flight {flight}: {_listed(found)}')
+        one = found[flight - 1]
+        start, end = (start or 0.0) + one.start, (start or 0.0) + one.end
     track = read_track(path, source=source, start=start, end=end)
+    preferred: Method = 'circling' if track.airspeed is None else 'airspeed'
+    method = preferred if wind == 'auto' else wind
     trajectory, rejected = reconstruct_checked(
-        track, position_std=position_std, velocity_std=velocity_std, jerk_density=jerk_density
+        track,
+        position_std=position_std,
+        velocity_std=velocity_std,
+        jerk_density=jerk_density,
+        wind=method,
     )
-    return Replay(track, trajectory, rejected)
+    return Replay(track, trajectory, rejected, method)

@@ -29,6 +29,8 @@ class Samples:
     position, velocity : array (n, 3) or None
         North, east, down [m], [m/s].
     attitude : array (n, 4) or None
+    airspeed : array (n,) or None
+        [m/s], NaN where there is none.
     usable : bool array (n, 3)
         Whether there is a position along each axis; where not, its value is only filled in.
     """
@@ -43,6 +45,7 @@ class Samples:
     position_std: Array | None
     velocity_std: Array | None
     usable: NDArray[np.bool_]
+    airspeed: Array | None = None
 
 
 def merge_repeats(track: Track) -> Samples:
@@ -91,6 +94,7 @@ def merge_repeats(track: Track) -> Samples:
         position_std=merged(track.position_std),
         velocity_std=merged(track.velocity_std),
         usable=usable,
+        airspeed=merged(track.airspeed),
     )
 
 
@@ -239,6 +243,7 @@ def _kept(samples: Samples, keep: NDArray[np.bool_], rejected: Rejected) -> Samp
         position_std=picked(samples.position_std),
         velocity_std=picked(samples.velocity_std),
         usable=samples.usable[index],
+        airspeed=picked(samples.airspeed),
     )
 
 

@@ -70,8 +70,9 @@ def smooth(
         1-sigma of the white part of the measurement noise [m], above 0.
     velocity, velocity_std : array (n, 3), optional
         Measured velocity along the same axes and its 1-sigma [m/s]; NaN where there is none.
-    jerk_density : float or array (3,)
-        Spectral density of the white jerk that drives each axis [m^2/s^5].
+    jerk_density : float, array (3,) or (n, 3)
+        Spectral density of the white jerk that drives each axis [m^2/s^5]; of an array (n, 3)
+        each row holds from the sample before to its own.
 
     Returns
     -------
@@ -98,9 +99,7 @@ def smooth(
     dt = np.diff(t)
     if not np.isfinite(t).all() or (dt < 0).any():
         raise InputError(f'smoother time runs backwards at sample {int(np.argmin(dt)) + 1}')
-    q = np.broadcast_to(np.asarray(jerk_density, float), 3)
-    if not (np.isfinite(q).all() and (q > 0).all()):
-        raise InputError(f'jerk_density must be above 0, got {jerk_density!r}')
+    q = densities(jerk_density, t.size)
     z_p, w_p = measurement('position', position, position_std, t.size)
     if velocity is None:
         z_v, w_v = np.zeros((t.size, 3)), np.zeros((t.size, 3))
@@ -135,6 +134,17 @@ def measurement(what: str, values: ArrayLike, std: ArrayLike, size: int) -> tupl
     return np.where(known, z, 0.0), weight
 
 
+def densities(jerk_density: ArrayLike, size: int) -> Array:
+    """Return the jerk density of each axis from each sample to the next, (size - 1, 3)."""
+    try:
+        q = np.broadcast_to(np.asarray(jerk_density, float), (size, 3))
+    except ValueError:
+        raise InputError(f'jerk_density does not broadcast to ({size}, 3)') from None
+    if not (np.isfinite(q).all() and (q > 0).all()):
+        raise InputError(f'jerk_density must be above 0, got {jerk_density!r}')
+    return q[1:]
+
+
 def _first_known(z: Array, weight: Array) -> Array:
     first = np.argmax(weight > 0, axis=0)
     return np.asarray(z[first, np.arange(3)])
@@ -143,8 +153,8 @@ def _first_known(z: Array, weight: Array) -> Array:
 def _filter(dt: Array, z_p: Array, w_p: Array, z_v: Array, w_v: Array, q: Array) -> Array:
     """Return mean and covariance given the past, (n, 3 axes, 9)."""
     start = start_state(dt, z_p, w_p, z_v, w_v)
-    inputs = np.concatenate((dt[:, None], z_p[1:], w_p[1:], z_v[1:], w_v[1:]), axis=1)
-    rest = scan(_forward, start.reshape(-1), inputs, q)
+    inputs = np.concatenate((dt[:, None], z_p[1:], w_p[1:], z_v[1:], w_v[1:], q), axis=1)
+    rest = scan(_forward, start.reshape(-1), inputs)
     return np.concatenate((start[None], rest.reshape(-1, 3, STATE)))
 
 
@@ -167,15 +177,16 @@ def start_state(dt: Array, z_p: Array, w_p: Array, z_v: Array, w_v: Array) -> Ar
 
 def _backward(dt: Array, filtered: Array, q: Array) -> Array:
     n = filtered.shape[0]
-    inputs = np.concatenate((dt[:, None], filtered[:-1].reshape(n - 1, 3 * STATE)), axis=1)[::-1]
-    rest = scan(_backwards, filtered[-1].reshape(-1), inputs, q)
+    earlier = filtered[:-1].reshape(n - 1, 3 * STATE)
+    inputs = np.concatenate((dt[:, None], earlier, q), axis=1)[::-1]
+    rest = scan(_backwards, filtered[-1].reshape(-1), inputs)
     return np.concatenate((rest.reshape(-1, 3, STATE)[::-1], filtered[-1:]))
 
 
-def scan(compiled: Callable[[int], cas.Function], start: Array, inputs: Array, q: Array) -> Array:
+def scan(compiled: Callable[[int], cas.Function], start: Array, inputs: Array) -> Array:
     """Return the state after each row of inputs, (m, state); the last chunk is padded, then cut.
 
-    `compiled` returns the scan over so many rows, of (state, row, jerk densities).
+    `compiled` returns the scan over so many rows, of (state, row).
     """
     m, width = inputs.shape
     if m == 0:
@@ -185,11 +196,10 @@ def scan(compiled: Callable[[int], cas.Function], start: Array, inputs: Array, q
     size = next((c for c in _CHUNKS if c >= m), _CHUNKS[-1])
     # CasADi reads and writes these arrays in place, columns first: a row here is its column.
     rows = np.zeros((size, width))
-    densities = np.tile(q, (size, 1))
     states = np.empty((size, start.size))
     buffer: Any
     buffer, evaluate = compiled(size).buffer()
-    for i, argument in enumerate((state, rows, densities)):
+    for i, argument in enumerate((state, rows)):
         buffer.set_arg(i, argument.data)
     buffer.set_res(0, states.data)
     for done in range(0, m, size):
@@ -215,10 +225,9 @@ def _backwards(size: int) -> cas.Function:
 def _compiled(direction: str, size: int) -> cas.Function:
     """Return a scan over `size` samples, all three axes in one step."""
     state = cas.SX.sym('state', 3 * STATE)
-    q = cas.SX.sym('q', 3)
-    width = 13 if direction == 'forward' else 1 + 3 * STATE
+    width = 16 if direction == 'forward' else 4 + 3 * STATE
     row = cas.SX.sym('row', width)
-    dt = row[0]
+    dt, q = row[0], row[-3:]
     after: list[Any] = []
     for axis in range(3):
         mean, cov = split(state, axis * STATE)
@@ -230,7 +239,7 @@ def _compiled(direction: str, size: int) -> cas.Function:
             earlier_mean, earlier_cov = split(row, 1 + axis * STATE)
             mean, cov = gm.smooth(earlier_mean, earlier_cov, mean, cov, dt, q[axis])
         after += [*mean, *cov]
-    step = cas.Function(f'{direction}_step', [state, row, q], [cas.vertcat(*after)], {'cse': True})
+    step = cas.Function(f'{direction}_step', [state, row], [cas.vertcat(*after)], {'cse': True})
     return step.mapaccum(f'{direction}_{size}', size)
 
 

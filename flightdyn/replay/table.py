@@ -22,6 +22,8 @@ COLUMNS = (
     *('lat', 'lon', 'altitude', 'x_e', 'y_e', 'z_e', 'u_e', 'v_e', 'w_e'),
     *('speed', 'gamma', 'track', 'bank', 'load_factor'),
     *(f'{name}_std' for name in STATES),
+    *('bank_std', 'load_factor_std'),
+    *('specific_energy', 'specific_energy_rate', 'specific_excess_power'),
 )
 """Names in order; `t` is Unix time [ns]. A track not tied to the earth lacks lat and lon."""
 

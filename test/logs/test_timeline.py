@@ -1,9 +1,19 @@
 """Which messages are used, in what order and where they break off."""
 
 import numpy as np
+import pytest
 from numpy.testing import assert_array_equal
+from numpy.typing import NDArray
 
-from flightdyn.logs.timeline import MIN_GAP_S, Rows, arrange, choose_clock, gap_limit
+from flightdyn.logs.timeline import (
+    GPS_ERA_S,
+    MIN_GAP_S,
+    WEEK_S,
+    Rows,
+    arrange,
+    choose_clock,
+    gap_limit,
+)
 
 S = 10**9
 
@@ -80,3 +90,72 @@ def test_a_gap_is_ten_usual_steps_and_ten_seconds_at_least() -> None:
     assert gap_limit(np.full(9, 0.1)) == MIN_GAP_S
     assert gap_limit(np.array([8.0, 8.0, 8.0, 500.0])) == 80.0
     assert gap_limit(np.array([0.0, -3.0])) == MIN_GAP_S
+
+
+NOW = 1_700_000_000 * S  # November 2023
+
+
+def put_right(stamp: NDArray[np.int64], log: NDArray[np.int64]) -> tuple[NDArray[np.int64], str]:
+    warnings: list[str] = []
+    time = choose_clock(stamp, log, Rows(np.zeros(stamp.size, np.uint8)), warnings)
+    assert time is not log
+    return time, ' '.join(warnings)
+
+
+def arrivals(number: int = 50) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return true times a second apart, and when each arrived, up to 0.1 s late."""
+    true = NOW + np.arange(number, dtype=np.int64) * S
+    return true, true + np.random.default_rng(0).integers(0, S // 10, number)
+
+
+def test_stamps_since_the_start_get_the_date_of_the_recorder() -> None:
+    true, log = arrivals()
+    time, said = put_right(true - NOW + 25 * S, log)
+    assert "from the vehicle's start" in said
+    assert_array_equal(np.diff(time), S)  # evenly, as the stamps are
+    assert abs(time - true).max() < S // 10
+
+
+def test_a_receiver_that_took_the_wrong_1024_weeks() -> None:
+    true, log = arrivals()
+    time, said = put_right(true - GPS_ERA_S * S, log)
+    assert '1024 weeks' in said
+    assert_array_equal(time, true)
+
+
+def test_gps_time_is_brought_to_utc() -> None:
+    true, log = arrivals()
+    time, said = put_right(true + 18 * S, log)
+    assert 'leap seconds' in said
+    assert_array_equal(time, true)
+
+
+@pytest.mark.parametrize('ahead', [0.0, 1.0, 17.0, 18.6, -18.0, 3600.0])
+def test_a_recorder_whose_clock_is_off_is_not_believed(ahead: float) -> None:
+    true, log = arrivals()
+    stamp = true + int(ahead * S)
+    time, said = put_right(stamp, log)
+    assert_array_equal(time, stamp)
+    assert said == ''
+
+
+@pytest.mark.parametrize(('period', 'what'), [(86_400, 'a day'), (WEEK_S, 'a week')])
+def test_a_time_of_day_or_week_that_starts_anew(period: int, what: str) -> None:
+    true, log = arrivals()
+    stamp = true.copy()
+    stamp[30:] -= period * S
+    time, said = put_right(stamp, log)
+    assert f'by {what}' in said
+    assert_array_equal(time, true)
+
+
+def test_a_day_back_that_the_recorder_saw_too_is_left() -> None:
+    true, log = arrivals()
+    true[30:] -= 86_400 * S
+    log[30:] -= 86_400 * S
+    assert_array_equal(put_right(true, log)[0], true)
+
+
+def test_logs_of_simulated_time_are_left_alone() -> None:
+    stamp = np.arange(50, dtype=np.int64) * S
+    assert_array_equal(put_right(stamp + S, stamp + 2 * S)[0], stamp + S)

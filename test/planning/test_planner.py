@@ -37,7 +37,8 @@ def test_flip_is_solved_verified_and_near_the_optimum(flip) -> None:  # type: ig
     assert (report.code, report.converged, report.verified) == (ResultCode.SUCCESS, True, True)
     # within what flying it again is off by
     assert report.final_time == pytest.approx(FLIP_OPTIMUM, abs=1e-6)
-    assert max(report.verification.values()) < 1e-5
+    assert max(report.verification[name] for name in ('x_e', 'z_e')) < 2e-5  # m
+    assert max(report.verification.values()) < 2e-4
     assert report.constraint_violation < 1e-7
 
 
@@ -88,7 +89,10 @@ def test_flip_flown_by_the_simulator_stays_on_the_plan(flip) -> None:  # type: i
 def test_finer_meshes_come_closer_to_the_optimum(planner: Planner) -> None:
     times = [
         planner.plan(
-            load_problem('quadcopter_flip', [f'nodes={n}', 'sharpen=false'])
+            load_problem(
+                'quadcopter_flip',
+                [f'nodes={n}', 'sharpen=false', 'transcription=multiple_shooting'],
+            )
         ).report.final_time
         for n in (20, 40, 80)
     ]

@@ -85,7 +85,8 @@ def test_a_flight_that_meets_all_conditions_is_where_the_next_solve_starts(
         return found
 
     monkeypatch.setattr(run, 'solve', giving_up)
-    report = planner.plan(load_problem('quadcopter_flip', ['nodes=20', 'sharpen=false'])).report
+    settings = ['nodes=20', 'sharpen=false', 'transcription=multiple_shooting']
+    report = planner.plan(load_problem('quadcopter_flip', settings)).report
     assert report.verified, report.message
     assert report.remedies == list(REMEDIES[:1])
     assert report.missed == []

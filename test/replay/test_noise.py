@@ -94,3 +94,19 @@ def test_the_step_of_rounded_values_is_seen_and_no_other() -> None:
     assert _step(5.0 * np.arange(500)) == 0.0  # a steady climb is not rounding
     assert _step(np.tile(np.sin(np.arange(20.0)), 30)) == 0.0  # nor is a circle flown again
     assert _step(np.ones(500)) == 0.0
+
+
+def test_fixes_seconds_late_or_early_are_noise_between_circles_too() -> None:
+    """A glider's fixes with stamps off by a second: noise of 40 m, in a log with thermals in it.
+
+    It once was taken for manoeuvres, as no noise beyond 5 m was believed.
+    """
+    rng = np.random.default_rng(2)
+    t = np.arange(1920) * 10.0
+    straight = (np.arange(t.size) // 96) % 4 != 0
+    course = np.cumsum(np.where(straight, 0.0, 2 * np.pi * 10 / 25))
+    rate = np.where(straight, 40.0, 25.0) * np.exp(1j * course)
+    place = np.cumsum(rate * 10) + 40 * (rng.normal(size=t.size) + 1j * rng.normal(size=t.size))
+    p = np.stack((place.real, place.imag, -1500 + 0 * t), axis=1)
+    found = estimate_noise(t, p, segment=np.zeros(t.size, np.int64))
+    assert 20 < found.position_std[0] < 80

@@ -10,7 +10,8 @@ from flightdyn import frames
 from flightdyn.environment.geodesy import GeodeticPoint, geodetic_from_ned
 from flightdyn.errors import InputError
 from flightdyn.logs.track import Track
-from flightdyn.replay.reconstruct import G0, reconstruct
+from flightdyn.replay.flight_path import G0
+from flightdyn.replay.reconstruct import VELOCITY_WANDER, reconstruct
 from flightdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -453,3 +454,68 @@ def test_turning_and_moving_the_ground_turns_and_moves_the_flight(
         np.testing.assert_allclose(a[name], b[name], atol=1e-6)
     difference = (b['track'] - a['track'] - turn + np.pi) % (2 * np.pi) - np.pi
     np.testing.assert_allclose(difference, 0.0, atol=1e-6)
+
+
+def wandering(t: Array, rng: np.random.Generator) -> Array:
+    """Return a smooth error of positions (n, 3) [m], whose rate is 0.15 m/s over some 5 s."""
+    step = float(t[1] - t[0])
+    slow = np.exp(-step / 5.0)
+    rate = np.zeros((t.size, 3))
+    for k in range(1, t.size):
+        rate[k] = slow * rate[k - 1] + 0.15 * np.sqrt(1 - slow**2) * rng.normal(size=3)
+    return np.cumsum(rate * step, axis=0)
+
+
+def test_a_measured_velocity_outweighs_positions_that_wander() -> None:
+    """Smooth positions once were taken as exact to a millimetre, and the velocity as noisy."""
+    rng = np.random.default_rng(0)
+    t = np.arange(0, 120, 0.2)
+    true = np.stack((5 * np.sin(t / 4), 5 * np.cos(t / 4), 0.5 * np.sin(t / 7)), axis=1)
+    place = np.stack((-20 * np.cos(t / 4), 20 * np.sin(t / 4), -3.5 * np.cos(t / 7)), axis=1)
+    place = place + wandering(t, rng)
+    lat, lon, altitude = geodetic_from_ned(*place.T, GeodeticPoint(47.0, 8.0, 500.0))
+    measured = true + 0.1 * rng.normal(size=true.shape)
+    flown = reconstruct(geodetic_track(t, lat, lon, altitude, velocity_ned=measured))
+    error = velocity_of(flown) - true
+    # The velocity's own noise is 0.1 m/s; who follows the positions is off by 0.15 and more.
+    assert np.sqrt(np.mean(error**2)) < 0.12
+
+
+def test_the_velocity_of_fixes_is_never_stated_better_than_they_wander() -> None:
+    t = np.arange(0.0, 600.0)
+    lat = 47.0 + 50.0 / 111_170 * t  # 50 m/s north, exactly
+    track = geodetic_track(t, lat, np.full(t.size, 8.0), np.full(t.size, 1000.0))
+    flown = reconstruct(track)
+    assert (flown['speed_std'] >= VELOCITY_WANDER[0]).all()
+    assert np.median(flown['gamma_std']) == pytest.approx(VELOCITY_WANDER[2] / 50, rel=0.2)
+    with_velocity = geodetic_track(
+        t, lat, track.lon, track.altitude, velocity_ned=np.tile([50.0, 0.0, 0.0], (t.size, 1))
+    )
+    assert np.median(reconstruct(with_velocity)['speed_std']) < VELOCITY_WANDER[0]
+
+
+def test_a_loop_and_vertical_lines_are_finite_and_right() -> None:
+    """An aerobatic box at 10 Hz: pull to the vertical, up, a loop of 4 g, and down again."""
+    t = np.arange(0.0, 24.0, 0.01)
+    speed, rate = 40.0, 1.0
+    # Level, quarter loop, vertical, full loop from the vertical, quarter loop to level inverted.
+    turning = ((t > 3) & (t <= 3 + np.pi / 2)) | ((t > 8) & (t <= 8 + 2 * np.pi))
+    pitch = np.cumsum(np.where(turning, rate, 0.0)) * 0.01
+    v = speed * np.stack((np.cos(pitch), 0 * t, -np.sin(pitch)), axis=1)
+    p = np.cumsum(v, axis=0) * 0.01
+    noise = 0.05 * np.random.default_rng(0).normal(size=p.shape)
+    flown = reconstruct(local_track(t[::10], (p + noise)[::10]))
+    assert_usable(flown)
+    for values in flown.columns.values():
+        assert np.isfinite(values).all()
+    inner = slice(5, -5)
+    up = np.degrees(flown['gamma'][inner])
+    gamma = np.degrees(np.arcsin(np.sin(pitch[::10])))[inner]
+    # 5 cm at 10 Hz, smoothed over half a second: 0.1 m/s of 40, and the corners of the loops.
+    assert np.percentile(np.abs(up - gamma), 90) < 3.0
+    assert up.max() > 87
+    assert up.min() < -87
+    steady = (t[::10] > 9.5) & (t[::10] < 13)
+    lift = np.abs(speed * rate + 9.80665 * np.cos(pitch[::10]))
+    error = (flown['load_factor'] - lift / 9.80665)[steady]
+    assert np.sqrt(np.mean(error**2)) < 0.5

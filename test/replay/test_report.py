@@ -1,6 +1,7 @@
 """What a replay says of itself."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -32,9 +33,17 @@ def replay() -> Replay:
 def test_summary(replay: Replay) -> None:
     summary = json.loads(json.dumps(replay.summary()))
     assert list(summary) == [
-        *('file', 'source', 'schema', 'altitude_datum', 'messages', 'used', 'dropped'),
-        *('segments', 'origin', 'duration_s', 'distance_m', 'max_speed', 'max_altitude'),
-        'warnings',
+        *('file', 'source', 'schema', 'altitude_datum', 'clock', 'messages', 'used', 'dropped'),
+        *(
+            'segments',
+            'flights',
+            'origin',
+            'duration_s',
+            'distance_m',
+            'max_speed',
+            'max_altitude',
+        ),
+        *('wind', 'warnings'),
     ]
     assert summary['used'] + sum(summary['dropped'].values()) == summary['messages']
     assert [s['samples'] for s in summary['segments']] == [59, 40, 1]
@@ -47,3 +56,27 @@ def test_summary(replay: Replay) -> None:
     assert summary['warnings'][0] == 'from the reader'
     assert any('1 samples had the time' in w for w in summary['warnings'])
     assert any('1 segments of one or two' in w for w in summary['warnings'])
+
+
+def test_a_wind_that_was_asked_for_and_not_found_is_told(replay: Replay) -> None:
+    for method, reason in (('circling', 'full turn'), ('airspeed', 'recorded true airspeed')):
+        summary = replace(replay, wind=method).summary()  # type: ignore[arg-type]
+        assert summary['wind'] is None
+        assert any(reason in w for w in summary['warnings'])
+
+
+def test_the_wind_is_told_by_where_it_comes_from(replay: Replay) -> None:
+    flown = replay.trajectory
+    blowing = np.ones(len(flown))
+    told = replace(
+        flown,
+        outputs=flown.outputs
+        | {'wind_x_e': -3 * blowing, 'wind_y_e': -4 * blowing, 'wind_std': 0.5 * blowing},
+    )
+    wind = replace(replay, trajectory=told, wind='circling').summary()['wind']
+    assert wind == {
+        'method': 'circling',
+        'speed': pytest.approx(5.0),
+        'from_deg': pytest.approx(53.13, abs=0.01),
+        'std': 0.5,
+    }

@@ -2,7 +2,7 @@
 
 Two sources: `gnss`, and `pressure` with the same places at the altitude in the standard
 atmosphere. Latitudes and longitudes have a resolution of 1/1000 minute unless the I record adds
-digits (LAD, LOD); TDS adds digits to the time.
+digits (LAD, LOD); TDS adds digits to the time, TAS a true airspeed.
 
 References
 ----------
@@ -121,7 +121,9 @@ class _Records:
         if match is None or int(match[1]) > 23:
             return self._reject('not a whole B record', number)
         try:
-            more = {name: _digits(line, where) for name, where in self._extra.items()}
+            more = {
+                name: _digits(line, where) for name, where in self._extra.items() if name != 'TAS'
+            }
         except ValueError:
             return self._reject('without the digits that the I record tells', number)
         second = 3600 * int(match[1]) + 60 * int(match[2]) + int(match[3])
@@ -135,8 +137,9 @@ class _Records:
         fix, pressure, gnss = match[12] == 'A', int(match[13]), int(match[14])
         self.has_gnss |= gnss != 0
         self.has_pressure |= pressure != 0
-        self.gnss.add(ns, lat, lon, gnss, fix=fix)
-        self.pressure.add(ns, lat, lon, pressure, fix=fix)
+        airspeed = _airspeed(line, self._extra.get('TAS'))
+        self.gnss.add(ns, lat, lon, gnss, fix=fix, airspeed=airspeed)
+        self.pressure.add(ns, lat, lon, pressure, fix=fix, airspeed=airspeed)
 
     def _reject(self, why: str, number: int) -> None:
         for table in (self.gnss, self.pressure):
@@ -166,7 +169,7 @@ def _extensions(line: str, number: int, warnings: list[str]) -> dict[str, slice]
         return found
     for at in range(0, 7 * int(line[1:3]), 7):
         first, last, name = body[at : at + 2], body[at + 2 : at + 4], body[at + 4 : at + 7]
-        if name in ('LAD', 'LOD', 'TDS') and first.isdigit() and last.isdigit():
+        if name in ('LAD', 'LOD', 'TDS', 'TAS') and first.isdigit() and last.isdigit():
             found[name] = slice(int(first) - 1, int(last))
     return found
 
@@ -177,6 +180,17 @@ def _digits(line: str, where: slice) -> float:
     if len(digits) != where.stop - where.start or not digits.isdecimal():
         raise ValueError
     return float(f'0.{digits}')
+
+
+def _airspeed(line: str, where: slice | None) -> float:
+    """Return the true airspeed [m/s], NaN if there is none.
+
+    Three digits are whole km/h; recorders that write more add decimals.
+    """
+    digits = '' if where is None else line[where]
+    if where is None or len(digits) != where.stop - where.start or not digits.isdecimal():
+        return float('nan')
+    return int(digits) / 10.0 ** max(len(digits) - 3, 0) / 3.6
 
 
 def _date(day: int, month: int, year: int) -> datetime:

@@ -80,7 +80,7 @@ class FixTable:
     def __init__(self) -> None:
         self._time = array('q')
         self._numbers = {name: array('d') for name in ('lat', 'lon', 'altitude', 'h_std', 'v_std')}
-        self._velocity = array('d')
+        self._velocity, self._airspeed = array('d'), array('d')
         self._status = array('b')
         self._piece = array('q')
         self._fault = bytearray()
@@ -100,16 +100,18 @@ class FixTable:
         fix: bool = True,
         std: tuple[float, float] = (np.nan, np.nan),
         velocity: tuple[float, float, float] | None = None,
+        airspeed: float = np.nan,
         piece: int = 0,
     ) -> None:
         """Take a position: Unix time [ns], degrees, metres; 1-sigma horizontal, vertical [m].
 
-        `velocity` is over the ground: north, east, down [m/s].
+        `velocity` is over the ground: north, east, down [m/s]; `airspeed` is the true one [m/s].
         """
         self._time.append(time_ns)
         for name, value in zip(self._numbers, (lat, lon, altitude, *std), strict=True):
             self._numbers[name].append(value)
         self._velocity.extend(velocity or (np.nan,) * 3)
+        self._airspeed.append(airspeed)
         self._status.append(0 if fix else -1)
         self._piece.append(piece)
         self._fault.append(0)
@@ -144,7 +146,7 @@ class FixTable:
         velocity = np.array(self._velocity).reshape(-1, 3)
         return Reading(
             columns=columns,
-            measure=with_velocity(velocity),
+            measure=with_velocity(velocity, airspeed=np.array(self._airspeed)),
             altitude_datum=altitude_datum,
             piece=np.array(self._piece, np.int64),
             warnings=[*warnings, *self.complaints()],
@@ -192,12 +194,19 @@ def fix_columns(
 
 
 def with_velocity(
-    velocity_ned: NDArray[np.float64], std: NDArray[np.float64] | None = None
+    velocity_ned: NDArray[np.float64],
+    std: NDArray[np.float64] | None = None,
+    airspeed: NDArray[np.float64] | None = None,
 ) -> Measure:
-    """Return how to read fixes that come with a velocity (n, 3) [m/s] and its 1-sigma."""
+    """Return how to read fixes that come with a velocity (n, 3) [m/s] and its 1-sigma.
+
+    `airspeed` is the true one (n,) [m/s], NaN where there is none.
+    """
 
     def measure(columns: Columns, rows: Rows, warnings: list[str]) -> Measured:
         measured = fix_measurements(columns, rows, warnings)
+        if airspeed is not None and np.isfinite(airspeed).any():
+            measured = replace(measured, airspeed=airspeed)
         whole: NDArray[np.bool_] = np.asarray(np.isfinite(velocity_ned).all(axis=1))
         if not whole.any():
             return measured

@@ -77,6 +77,20 @@ def test_digits_that_the_i_record_adds_are_read(tmp_path: Path) -> None:
     assert np.diff(track.time_ns).tolist() == [10**8, 10**8]
 
 
+@pytest.mark.parametrize(
+    ('where', 'digits', 'speed'), [('3638', '108', 30.0), ('3640', '10854', 30.15)]
+)
+def test_an_airspeed_in_the_i_record_is_read(
+    tmp_path: Path, where: str, digits: str, speed: float
+) -> None:
+    header = HEADER + f'I01{where}TAS\r\n'
+    lines = [f'B11000{s}3330123N00945600EA0100001100{digits}' for s in range(3)]
+    lines[1] = lines[1][:35] + '-' * len(digits)
+    track = read_track(igc(tmp_path / 'tas.igc', *lines, header=header))
+    assert len(track) == 3
+    np.testing.assert_allclose(track.airspeed, [speed, np.nan, speed])
+
+
 def test_a_flight_through_midnight_goes_on(tmp_path: Path) -> None:
     lines = [b_record(86397 + i, 48, 9 + 1e-3 * i, 900, 950) for i in range(6)]
     track = read_track(igc(tmp_path / 'night.igc', *lines))
