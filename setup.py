@@ -75,7 +75,7 @@ setup(
         'view': ['rerun-sdk>=0.41,<0.42', 'matplotlib>=3.9,<4', 'pyarrow>=18,<27'],
         'ulog': ['pyulog>=1,<2'],
         'aero': ['aerosandbox>=4.2.10,<5', 'neuralfoil>=0.3.3,<0.4'],
-        'batch': ['dask>=2025.1,<2027', 'distributed>=2025.1,<2027'],
+        'batch': ['dask>=2025.1,<2027', 'distributed>=2025.1,<2027', 'pyarrow>=18,<27'],
         'bench': ['aerosandbox>=4.2.10,<5', 'mcap-ros2-support>=0.6,<0.7', 'scipy>=1.15,<2'],
         # `colcon test` runs pytest only where an extra of this name asks for it.
         'test': test,

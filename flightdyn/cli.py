@@ -1,4 +1,4 @@
-"""The `flightdyn` command: plan, sim, replay, info, convert, models, vehicles.
+"""The `flightdyn` command: plan, sim, replay, batch, info, convert, models, vehicles.
 
 Only results go to stdout; progress and errors go to stderr.
 """
@@ -7,8 +7,9 @@ import argparse
 import json
 import signal
 import sys
+import time
 from collections.abc import Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,7 @@ from .errors import EXIT_CODES, FlightdynError, InputError, ResultCode
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from .batch import Batch
     from .planning.solver import Iteration
 
 
@@ -51,9 +53,14 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar='COMMAND')
 
     def command(
-        name: str, run: 'Callable[[argparse.Namespace], int]', text: str, *, config: bool = True
+        name: str,
+        run: 'Callable[[argparse.Namespace], int]',
+        text: str,
+        *,
+        config: bool = True,
+        among: Any = commands,
     ) -> argparse.ArgumentParser:
-        sub = commands.add_parser(name, help=text, description=text)
+        sub: argparse.ArgumentParser = among.add_parser(name, help=text, description=text)
         sub.set_defaults(run=run)
         sub.add_argument('--json', action='store_true', help='print the result as JSON')
         if config:
@@ -93,6 +100,20 @@ def _parser() -> argparse.ArgumentParser:
     convert.add_argument('output', help='MCAP file to write')
     convert.add_argument('--source', metavar='TOPIC', help='convert this topic, not the best one')
 
+    text = 'Do many at once, on all cores or on a Dask cluster.'
+    batch = commands.add_parser('batch', help=text, description=text)
+    batches = batch.add_subparsers(required=True, metavar='COMMAND')
+    logs = command(
+        'replay',
+        _batch_replay,
+        'Replay many flight logs, each into a table; a second run goes on where this one ended.',
+        config=False,
+        among=batches,
+    )
+    logs.add_argument('pattern', nargs='+', help="logs, such as 'logs/**/*.mcap'")
+    logs.add_argument('--source', metavar='TOPIC', help='use this topic, not the best of each log')
+    _add_batch(logs)
+
     command('models', _models, 'List the Dynamics family.', config=False)
     command('vehicles', _vehicles, 'List the configured vehicles.')
     return parser
@@ -108,6 +129,27 @@ def _add_output(sub: argparse.ArgumentParser, formats: tuple[str, ...], more: st
         metavar='FILE',
         help=f'write the result, format by suffix: {" ".join(formats)}{more}',
     )
+
+
+def _add_batch(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument(
+        '-o',
+        '--output',
+        required=True,
+        metavar='DIR',
+        help='folder of the results and of the table of all, summary.parquet',
+    )
+    where = sub.add_mutually_exclusive_group()
+    where.add_argument(
+        '--workers', type=_count, metavar='N', help='processes; default: one for each core'
+    )
+    where.add_argument('--scheduler', metavar='ADDR', help='run on Dask, such as tcp://host:8786')
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) == 0:
+        raise argparse.ArgumentTypeError(f'{text!r} is not a number above 0')
+    return int(text)
 
 
 def _plan(arguments: argparse.Namespace) -> int:
@@ -274,6 +316,69 @@ def _replay(arguments: argparse.Namespace) -> int:
 
 def _altitude(summary: dict[str, Any]) -> str:
     return f'{summary["max_altitude"]:.6g} m ({summary["altitude_datum"]})'
+
+
+def _batch_replay(arguments: argparse.Namespace) -> int:
+    from .batch import Batch
+    from .batch_replay import replay_job, replay_jobs
+
+    jobs = replay_jobs(arguments.pattern, arguments.output, source=arguments.source)
+    return _run_batch(Batch(arguments.output, jobs, replay_job), 'logs', arguments)
+
+
+def _run_batch(batch: 'Batch', what: str, arguments: argparse.Namespace) -> int:
+    from rich.console import Console
+    from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
+
+    start = time.monotonic()
+    console = Console(stderr=True)
+    columns = (*Progress.get_default_columns()[:2], MofNCompleteColumn(), TimeRemainingColumn())
+    with batch:
+        kept = len(batch.rows)
+        try:
+            with (
+                Progress(*columns, console=console, disable=not console.is_terminal) as progress,
+                closing(
+                    batch.run(workers=arguments.workers, scheduler=arguments.scheduler)
+                ) as run,
+            ):
+                task = progress.add_task(what, total=len(batch.jobs), completed=kept)
+                for row in run:
+                    progress.advance(task)
+                    if row['error'] is not None:
+                        line = f'flightdyn: {row["key"]}: {row["error"]}'
+                        progress.console.print(line, markup=False, highlight=False, soft_wrap=True)
+        except KeyboardInterrupt:
+            print(
+                f'flightdyn: interrupted: {len(batch.jobs) - len(batch.pending)} of '
+                f'{len(batch.jobs)} {what} are done; run the same command again to go on',
+                file=sys.stderr,
+            )
+            return EXIT_CODES[ResultCode.CANCELLED]
+        summary = batch.write_summary()
+        failed = [row for row in batch.rows.values() if row['exit_code'] != 0]
+    figures = {
+        what: len(batch.jobs),
+        'done': len(batch.jobs) - len(failed) - kept,
+        'kept': kept,
+        'failed': len(failed),
+        'wall_s': time.monotonic() - start,
+        'summary': str(summary),
+    }
+    if arguments.json:
+        print(json.dumps(figures))
+    else:
+        _print_table(
+            [
+                (what, str(figures[what])),
+                ('  done', str(figures['done'])),
+                ('  done before', str(kept)),
+                ('  failed', str(len(failed))),
+                ('in', f'{figures["wall_s"]:.3g} s'),
+                ('written', str(summary)),
+            ]
+        )
+    return max((row['exit_code'] for row in failed), default=0)
 
 
 def _info(arguments: argparse.Namespace) -> int:
