@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from .planning.solver import Iteration
 
 
+_Rows = Sequence[tuple[str, ...]]
+
 _LOG_HELP = 'flight log: MCAP, ROS bag, PX4 .ulg, ArduPilot .bin, .tlog, IGC, GPX, CSV'
 
 
@@ -93,11 +95,13 @@ def _parser() -> argparse.ArgumentParser:
     _add_output(replay, export.REPLAY_FORMATS, "; with several logs '{log}' stands for their name")
 
     info = command('info', _info, 'Show what is in a log and what can be replayed.', config=False)
-    info.add_argument('log', help=_LOG_HELP)
+    info.add_argument('log', nargs='+', help=_LOG_HELP)
 
     convert = command('convert', _convert, 'Write a flight log as MCAP.', config=False)
-    convert.add_argument('log', help=_LOG_HELP.replace('MCAP, ', ''))
-    convert.add_argument('output', help='MCAP file to write')
+    convert.add_argument('log', nargs='+', help=_LOG_HELP.replace('MCAP, ', ''))
+    convert.add_argument(
+        'output', help="MCAP file to write; with several logs '{log}' stands for their name"
+    )
     convert.add_argument('--source', metavar='TOPIC', help='convert this topic, not the best one')
 
     text = 'Do many at once, on all cores or on a Dask cluster.'
@@ -168,7 +172,7 @@ def _plan(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(document))
     else:
-        _print_table(
+        _print_rows(
             [
                 ('problem', f'{problem.name} ({problem.vehicle.name})'),
                 ('objective', f'{report.objective:.8g}'),
@@ -261,7 +265,7 @@ def _sim(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(document))
     else:
-        _print_table(
+        _print_rows(
             [
                 ('flown', f'{duration:.6g} s, {len(flown)} samples'),
                 *((f'  final {k}', f'{v[-1]:.6g}') for k, v in flown.states.items()),
@@ -273,45 +277,105 @@ def _sim(arguments: argparse.Namespace) -> int:
 
 
 def _replay(arguments: argparse.Namespace) -> int:
+    for name in arguments.output:
+        _check_apart(name, arguments.log)
+    return _each(arguments.log, lambda log: _replay_one(log, arguments), arguments.json)
+
+
+def _replay_one(log: str, arguments: argparse.Namespace) -> tuple[dict[str, Any], _Rows]:
     from .logs.any_log import is_mcap
     from .logs.recorded import read_plans
     from .replay import replay_log
 
-    if len(arguments.log) > 1 and any('{log}' not in name for name in arguments.output):
-        raise InputError("several logs need '{log}' in each output name, such as -o '{log}.rrd'")
-    summaries = []
-    for log in arguments.log:
-        names = [name.replace('{log}', Path(log).stem) for name in arguments.output]
-        outputs = export.check_outputs(names, export.REPLAY_FORMATS)
-        replay = replay_log(log, source=arguments.source, start=arguments.start, end=arguments.end)
-        summary = replay.summary()
-        # our own recordings hold what was meant to be flown
-        plans = read_plans(log) if outputs and is_mcap(log) else []
-        planned = plans[-1] if plans else None
-        flight = replace(replay.trajectory, vehicle=planned.vehicle if planned else '')
-        for path in outputs:
-            export.write_replay(path, flight, summary, planned=planned)
-        summaries.append(summary)
-        for warning in summary['warnings']:
+    names = [_named(name, log) for name in arguments.output]
+    outputs = export.check_outputs(names, export.REPLAY_FORMATS)
+    replay = replay_log(log, source=arguments.source, start=arguments.start, end=arguments.end)
+    summary = replay.summary()
+    # our own recordings hold what was meant to be flown
+    plans = read_plans(log) if outputs and is_mcap(log) else []
+    planned = plans[-1] if plans else None
+    flight = replace(replay.trajectory, vehicle=planned.vehicle if planned else '')
+    for path in outputs:
+        export.write_replay(path, flight, summary, planned=planned)
+    rows = [
+        ('source', f'{summary["source"]} ({summary["schema"]})'),
+        ('used', f'{summary["used"]} of {summary["messages"]} messages'),
+        *((f'  {reason}', str(n)) for reason, n in summary['dropped'].items()),
+        ('segments', str(len(summary['segments']))),
+        ('duration', f'{summary["duration_s"]:.6g} s'),
+        ('distance', f'{summary["distance_m"] / 1e3:.6g} km'),
+        ('max speed', f'{summary["max_speed"]:.4g} m/s'),
+        ('max altitude', _altitude(summary)),
+        *(('written', str(path)) for path in outputs),
+    ]
+    return summary, rows
+
+
+def _each(
+    logs: Sequence[str], do: 'Callable[[str], tuple[dict[str, Any], _Rows]]', as_json: bool
+) -> int:
+    """Do something with each log and print what comes of it; a bad log stops no other.
+
+    Returns
+    -------
+    int
+        The highest exit code.
+    """
+    results: list[dict[str, Any]] = []
+    code = 0
+    for log in logs:
+        try:
+            with _busy(log):
+                result, rows = do(log)
+        except FlightdynError as error:
+            if len(logs) == 1:
+                raise
+            print(f'flightdyn: {error}', file=sys.stderr)
+            code = max(code, error.exit_code)
+            results.append({'file': log, 'error': str(error), 'exit_code': error.exit_code})
+            continue
+        for warning in result['warnings']:
             print(f'flightdyn: {log}: warning: {warning}', file=sys.stderr)
-        if not arguments.json:
-            _print_table(
-                [
-                    ('log', log),
-                    ('source', f'{summary["source"]} ({summary["schema"]})'),
-                    ('used', f'{summary["used"]} of {summary["messages"]} messages'),
-                    *((f'  {reason}', str(n)) for reason, n in summary['dropped'].items()),
-                    ('segments', str(len(summary['segments']))),
-                    ('duration', f'{summary["duration_s"]:.6g} s'),
-                    ('distance', f'{summary["distance_m"] / 1e3:.6g} km'),
-                    ('max speed', f'{summary["max_speed"]:.4g} m/s'),
-                    ('max altitude', _altitude(summary)),
-                    *(('written', str(path)) for path in outputs),
-                ]
-            )
-    if arguments.json:
-        print(json.dumps(summaries[0] if len(summaries) == 1 else summaries))
-    return 0
+        results.append(result)
+        if not as_json:
+            if len(logs) > 1:
+                print(f'{log}:')
+            _print_rows(rows)
+    if as_json:
+        print(json.dumps(results[0] if len(logs) == 1 else results))
+    return code
+
+
+def _named(name: str, log: str) -> str:
+    return name.replace('{log}', Path(log).stem)
+
+
+def _check_apart(name: str, logs: Sequence[str]) -> None:
+    if len(logs) > 1 and '{log}' not in name:
+        suffix = Path(name).suffix
+        raise InputError(
+            f"several logs need '{{log}}' in the output name, such as {{log}}{suffix}"
+        )
+    names = [_named(name, log) for log in logs]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError(f'several logs would be written to {twice}: their names must differ')
+
+
+@contextmanager
+def _busy(text: str) -> 'Iterator[None]':
+    """Show on a terminal what is being worked on, and for how long."""
+    if not sys.stderr.isatty():
+        yield
+        return
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        progress.add_task(escape(text), total=None)
+        yield
 
 
 def _altitude(summary: dict[str, Any]) -> str:
@@ -368,7 +432,7 @@ def _run_batch(batch: 'Batch', what: str, arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(figures))
     else:
-        _print_table(
+        _print_rows(
             [
                 (what, str(figures[what])),
                 ('  done', str(figures['done'])),
@@ -382,45 +446,39 @@ def _run_batch(batch: 'Batch', what: str, arguments: argparse.Namespace) -> int:
 
 
 def _info(arguments: argparse.Namespace) -> int:
+    return _each(arguments.log, _info_one, arguments.json)
+
+
+def _info_one(log: str) -> tuple[dict[str, Any], _Rows]:
     from .logs.any_log import describe
 
-    info = describe(arguments.log).to_dict()
-    if arguments.json:
-        print(json.dumps(info))
-        return 0
-    _print_columns(
-        ('topic', 'schema', 'messages', 'replay as'),
-        [
-            (t['topic'], t['schema'], str(t['messages']), t['kind'] if t['usable'] else '-')
-            for t in info['topics']
-        ],
-    )
-    for warning in info['warnings']:
-        print(f'flightdyn: {arguments.log}: warning: {warning}', file=sys.stderr)
-    return 0
+    info = describe(log).to_dict()
+    rows = [
+        (t['topic'], t['schema'], str(t['messages']), t['kind'] if t['usable'] else '-')
+        for t in info['topics']
+    ]
+    return info, [('topic', 'schema', 'messages', 'replay as'), *rows]
 
 
 def _convert(arguments: argparse.Namespace) -> int:
+    _check_apart(arguments.output, arguments.log)
+    return _each(arguments.log, lambda log: _convert_one(log, arguments), arguments.json)
+
+
+def _convert_one(log: str, arguments: argparse.Namespace) -> tuple[dict[str, Any], _Rows]:
     from .logs.convert import convert
 
-    summary = convert(arguments.log, arguments.output, arguments.source)
-    for warning in summary['warnings']:
-        print(f'flightdyn: {arguments.log}: warning: {warning}', file=sys.stderr)
-    if arguments.json:
-        print(json.dumps(summary))
-        return 0
-    _print_table(
-        [
-            ('log', f'{summary["file"]} ({summary["format"]})'),
-            ('source', f'{summary["source"]} ({summary["schema"]})'),
-            ('used', f'{summary["used"]} of {summary["messages"]} messages'),
-            *((f'  {reason}', str(n)) for reason, n in summary['dropped'].items()),
-            ('altitude', summary['altitude_datum']),
-            *((t['topic'], f'{t["schema"]}, {t["messages"]}') for t in summary['topics']),
-            ('written', summary['output']),
-        ]
-    )
-    return 0
+    summary = convert(log, _named(arguments.output, log), arguments.source)
+    rows = [
+        ('format', summary['format']),
+        ('source', f'{summary["source"]} ({summary["schema"]})'),
+        ('used', f'{summary["used"]} of {summary["messages"]} messages'),
+        *((f'  {reason}', str(n)) for reason, n in summary['dropped'].items()),
+        ('altitude', summary['altitude_datum']),
+        *((t['topic'], f'{t["schema"]}, {t["messages"]}') for t in summary['topics']),
+        ('written', summary['output']),
+    ]
+    return summary, rows
 
 
 def _models(arguments: argparse.Namespace) -> int:
@@ -438,12 +496,14 @@ def _models(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(rows))
     else:
-        _print_columns(
-            ('class', 'kind', 'states', 'controls'),
+        _print_rows(
             [
-                (r['class'], r['kind'], ' '.join(r['states']), ' '.join(r['controls']))
-                for r in rows
-            ],
+                ('class', 'kind', 'states', 'controls'),
+                *(
+                    (r['class'], r['kind'], ' '.join(r['states']), ' '.join(r['controls']))
+                    for r in rows
+                ),
+            ]
         )
     return 0
 
@@ -465,23 +525,18 @@ def _vehicles(arguments: argparse.Namespace) -> int:
         ]
         print(json.dumps(rows))
     else:
-        _print_columns(
-            ('vehicle', 'model', 'description'),
-            [(v.name, v.model_name, v.description) for v in vehicles],
+        _print_rows(
+            [
+                ('vehicle', 'model', 'description'),
+                *((v.name, v.model_name, v.description) for v in vehicles),
+            ]
         )
     return 0
 
 
-def _print_table(rows: Sequence[tuple[str, str]]) -> None:
-    width = max(len(label) for label, _ in rows)
-    for label, value in rows:
-        print(f'{label:<{width}}  {value}')
-
-
-def _print_columns(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    table = [header, *rows]
-    widths = [max(len(row[i]) for row in table) for i in range(len(header))]
-    for row in table:
+def _print_rows(rows: _Rows) -> None:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
         print('  '.join(f'{cell:<{w}}' for cell, w in zip(row, widths, strict=True)).rstrip())
 
 

@@ -50,7 +50,7 @@ from .unpacking import unpack
 Bytes = NDArray[np.uint8]
 Offsets = NDArray[np.int64]
 
-MAX_CHUNK_BYTES = 512 * 2**20
+MAX_CHUNK_BYTES = 256 * 2**20
 """Largest unpacked chunk that is accepted; recorders write 1 to 16 MiB."""
 
 
