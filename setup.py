@@ -68,6 +68,7 @@ setup(
         'mcap>=1.4,<2',
         'zstandard>=0.23,<1',
         'lz4>=4.3,<5',
+        'isal>=1.6,<2; platform_machine in "x86_64 AMD64 aarch64 arm64"',
         'PyYAML>=6,<7',
         'rich>=13,<16',
     ],
@@ -76,7 +77,13 @@ setup(
         'ulog': ['pyulog>=1,<2'],
         'aero': ['aerosandbox>=4.2.10,<5', 'neuralfoil>=0.3.3,<0.4'],
         'batch': ['dask>=2025.1,<2027', 'distributed>=2025.1,<2027', 'pyarrow>=18,<27'],
-        'bench': ['aerosandbox>=4.2.10,<5', 'mcap-ros2-support>=0.6,<0.7', 'scipy>=1.15,<2'],
+        'bench': [
+            'aerosandbox>=4.2.10,<5',
+            'mcap-ros2-support>=0.6,<0.7',
+            'mcap-ros2-support-fast>=0.8,<0.9',
+            'pyarrow>=18,<27',
+            'scipy>=1.15,<2',
+        ],
         # `colcon test` runs pytest only where an extra of this name asks for it.
         'test': test,
         'dev': test + lint,

@@ -1,6 +1,6 @@
 """How `flightdyn replay` fares with every log of a folder, each in a limited process.
 
-Run: python benchmarks/try_logs.py FOLDER [--memory MB] [--time S]. Prints a table, and beside it
+Run: python benchmarks/try_logs.py [FOLDER] [--memory MB] [--time S]. Prints a table, and beside it
 what the folder's MANIFEST.json expects, if there is one: a list of objects with `file` and, where
 known, `good_tool_must` (words), `messages` and `max_ground_speed_mps_recorded`.
 
@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+DATA = Path(__file__).parents[1] / 'test' / 'data'
 MAY_FAIL = 2
 """Exit code for input that cannot be used."""
 
@@ -124,7 +125,7 @@ def show(trial: Trial, expected: dict[str, Any]) -> None:
 def main() -> int:
     """Try every log of a folder; return 1 if anything was wrong."""
     parser = argparse.ArgumentParser(description=(__doc__ or '').splitlines()[0])
-    parser.add_argument('folder', type=Path)
+    parser.add_argument('folder', type=Path, nargs='?', default=DATA, help='default: test/data')
     parser.add_argument('--memory', type=int, default=500, metavar='MB', help='default: 500')
     parser.add_argument('--time', type=float, default=60, metavar='S', help='default: 60')
     arguments = parser.parse_args()
