@@ -12,7 +12,7 @@ References
 import contextlib
 import mmap
 import struct
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -36,6 +36,7 @@ from .mcap_records import (
     MESSAGE,
     MESSAGE_HEAD,
     MESSAGE_INDEX,
+    MESSAGE_INDEX_HEAD,
     METADATA,
     METADATA_INDEX,
     OTHER_FORMATS,
@@ -401,13 +402,8 @@ class McapFile:
                 if not len(MAGIC) <= offset <= offset + length <= start:
                     raise DamageError(at, f'the index puts a chunk at byte {offset}')
                 blocks[offset] = _Block(offset, length, index_offsets=dict(reader.pairs('<HQ')))
-        counts: dict[int, int] = {}
-        for block in blocks.values():
-            for channel_id, index_at in block.index_offsets.items():
-                size = self._message_index(index_at, channel_id).size
-                counts[channel_id] = counts.get(channel_id, 0) + size
+        counts = self._count_indexed(blocks.values())
         expected = {key: n for key, n in expected.items() if n} if expected is not None else None
-        counts = {key: n for key, n in counts.items() if n}
         complete = (
             expected == counts
             and chunk_count == len(blocks)
@@ -429,6 +425,29 @@ class McapFile:
                 raise DamageError(at, 'expected a metadata record')
             self._take_metadata(RecordReader(self._map, at + 9, at + 9 + length))
         return True
+
+    def _count_indexed(self, blocks: Iterable[_Block]) -> dict[int, int]:
+        """Return how many messages of each channel the indexes of chunks list, if any."""
+        pairs = [pair for block in blocks for pair in block.index_offsets.items()]
+        channel, at = np.array(pairs, np.uint64).reshape(-1, 2).T
+        inside = (at >= len(MAGIC)) & (at <= max(self.size - MESSAGE_INDEX_HEAD.itemsize, 0))
+        if not inside.all():
+            outside = int(at[np.argmin(inside)])
+            raise DamageError(outside, f'no record there: the file has {self.size} bytes')
+        head = rows_at(self._data, at.astype(np.int64), MESSAGE_INDEX_HEAD)
+        right = (
+            (head['opcode'] == MESSAGE_INDEX)
+            & (head['channel'] == channel)
+            & (head['length'] == head['size'].astype(np.uint64) + 6)
+            & (head['length'] <= self.size - RECORD.size - at)
+            & (head['size'] % INDEX_ENTRY.itemsize == 0)
+        )
+        if not right.all():
+            wrong = int(np.argmin(right))
+            raise DamageError(int(at[wrong]), f'expected the message index of {channel[wrong]}')
+        counts = np.zeros(2**16, np.int64)
+        np.add.at(counts, channel.astype(np.int64), head['size'] // INDEX_ENTRY.itemsize)
+        return {int(key): int(counts[key]) for key in np.flatnonzero(counts)}
 
     def _scan(self) -> None:
         """Read the whole file from front to back."""
