@@ -242,14 +242,14 @@ class McapFile:
             offset = entries['offset'].astype(np.int64)
             if offset.size == 0:
                 continue
+            if offset.min() < 0 or offset.max() > data.size - MESSAGE_HEAD.itemsize:
+                return None
             if (offset[1:] <= offset[:-1]).any():
                 # The index is ordered by time, the file by arrival; arrival is what we promise.
                 entries = entries[np.argsort(entries['offset'], kind='stable')]
                 offset = entries['offset'].astype(np.int64)
                 if (offset[1:] == offset[:-1]).any():
                     return None
-            if offset[0] < 0 or offset[-1] > data.size - MESSAGE_HEAD.itemsize:
-                return None
             head = rows_at(data, offset, MESSAGE_HEAD)
             length = head['length']
             fits = (length >= 22) & (length <= (data.size - RECORD.size - offset).astype('u8'))
