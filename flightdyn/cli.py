@@ -1,25 +1,21 @@
-"""The `flightdyn` command: plan, sim, replay, info, convert, models, vehicles.
+"""The `flightdyn` command: plan, sim, replay, batch, info, convert, models, vehicles.
 
 Only results go to stdout; progress and errors go to stderr.
 """
 
 import argparse
 import json
-import signal
 import sys
 from collections.abc import Sequence
-from contextlib import contextmanager
-from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from . import export
-from .errors import EXIT_CODES, FlightdynError, InputError, ResultCode
+from . import cli_logs, export
+from .console import interruptible, iterations, print_rows
+from .errors import EXIT_CODES, FlightdynError, ResultCode
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
-    from .planning.solver import Iteration
     from .vehicles.vehicle import Vehicle
 
 
@@ -52,9 +48,14 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar='COMMAND')
 
     def command(
-        name: str, run: 'Callable[[argparse.Namespace], int]', text: str, *, config: bool = True
+        name: str,
+        run: 'Callable[[argparse.Namespace], int]',
+        text: str,
+        *,
+        config: bool = True,
+        among: Any = commands,
     ) -> argparse.ArgumentParser:
-        sub = commands.add_parser(name, help=text, description=text)
+        sub: argparse.ArgumentParser = among.add_parser(name, help=text, description=text)
         sub.set_defaults(run=run)
         sub.add_argument('--json', action='store_true', help='print the result as JSON')
         if config:
@@ -86,7 +87,9 @@ def _parser() -> argparse.ArgumentParser:
     sim.add_argument('--rate', type=float, help="samples a second (the scenario's, else 200)")
     _add_output(sim, export.FLIGHT_FORMATS)
 
-    replay = command('replay', _replay, 'Turn flight logs into flight states.', config=False)
+    replay = command(
+        'replay', cli_logs.replay, 'Turn flight logs into flight states.', config=False
+    )
     replay.add_argument('log', nargs='+', help=_LOG_HELP)
     replay.add_argument('--source', metavar='TOPIC', help='use this topic, not the best one')
     replay.add_argument('--start', type=float, metavar='S', help='seconds from the log start')
@@ -104,13 +107,31 @@ def _parser() -> argparse.ArgumentParser:
     )
     _add_output(replay, export.REPLAY_FORMATS, "; with several logs '{log}' stands for their name")
 
-    info = command('info', _info, 'Show what is in a log and what can be replayed.', config=False)
-    info.add_argument('log', help=_LOG_HELP)
+    info = command(
+        'info', cli_logs.info, 'Show what is in a log and what can be replayed.', config=False
+    )
+    info.add_argument('log', nargs='+', help=_LOG_HELP)
 
-    convert = command('convert', _convert, 'Write a flight log as MCAP.', config=False)
-    convert.add_argument('log', help=_LOG_HELP.replace('MCAP, ', ''))
-    convert.add_argument('output', help='MCAP file to write')
+    convert = command('convert', cli_logs.convert, 'Write a flight log as MCAP.', config=False)
+    convert.add_argument('log', nargs='+', help=_LOG_HELP.replace('MCAP, ', ''))
+    convert.add_argument(
+        'output', help="MCAP file to write; with several logs '{log}' stands for their name"
+    )
     convert.add_argument('--source', metavar='TOPIC', help='convert this topic, not the best one')
+
+    text = 'Do many at once, on all cores or on a Dask cluster.'
+    batch = commands.add_parser('batch', help=text, description=text)
+    batches = batch.add_subparsers(required=True, metavar='COMMAND')
+    logs = command(
+        'replay',
+        cli_logs.batch_replay,
+        'Replay many flight logs, each into a table; a second run goes on where this one ended.',
+        config=False,
+        among=batches,
+    )
+    logs.add_argument('pattern', nargs='+', help="logs, such as 'logs/**/*.mcap'")
+    logs.add_argument('--source', metavar='TOPIC', help='use this topic, not the best of each log')
+    _add_batch(logs)
 
     command('models', _models, 'List the Dynamics family.', config=False)
     vehicles = command('vehicles', _vehicles, 'List the configured vehicles.')
@@ -130,6 +151,27 @@ def _add_output(sub: argparse.ArgumentParser, formats: tuple[str, ...], more: st
     )
 
 
+def _add_batch(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument(
+        '-o',
+        '--output',
+        required=True,
+        metavar='DIR',
+        help='folder of the results and of the table of all, summary.parquet',
+    )
+    where = sub.add_mutually_exclusive_group()
+    where.add_argument(
+        '--workers', type=_count, metavar='N', help='processes; default: one for each core'
+    )
+    where.add_argument('--scheduler', metavar='ADDR', help='run on Dask, such as tcp://host:8786')
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) == 0:
+        raise argparse.ArgumentTypeError(f'{text!r} is not a number above 0')
+    return int(text)
+
+
 def _plan(arguments: argparse.Namespace) -> int:
     from .planning.plan_file import plan_document
     from .planning.planner import Planner
@@ -140,7 +182,7 @@ def _plan(arguments: argparse.Namespace) -> int:
     if arguments.multistart is not None:
         settings.append(f'multistart={arguments.multistart}')
     problem = load_problem(arguments.problem, settings, arguments.config_dir)
-    with _interruptible() as interrupted, _iterations() as on_iteration:
+    with interruptible() as interrupted, iterations() as on_iteration:
         plan = Planner().plan(
             problem, seed=arguments.seed, on_iteration=on_iteration, should_stop=interrupted
         )
@@ -151,7 +193,7 @@ def _plan(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(document))
     else:
-        _print_table(
+        print_rows(
             [
                 ('problem', f'{problem.name} ({problem.vehicle.name})'),
                 ('objective', f'{report.objective:.8g}'),
@@ -181,46 +223,6 @@ def _plan(arguments: argparse.Namespace) -> int:
 def _arc(arc: dict[str, Any]) -> str:
     limits = ', '.join(f'{name} {side}' for name, side in arc['limits'].items())
     return f'{arc["start"]:.6g} to {arc["end"]:.6g} s: {limits}'
-
-
-@contextmanager
-def _interruptible() -> 'Iterator[Callable[[], bool]]':
-    """Give a function that tells whether Ctrl-C was pressed.
-
-    IPOPT swallows KeyboardInterrupt, so that the signal sets a flag which is asked for at each
-    iteration; a second one ends at once.
-    """
-    pressed: list[int] = []
-
-    def handle(signum: int, frame: Any) -> None:
-        if pressed:
-            raise KeyboardInterrupt
-        pressed.append(signum)
-
-    previous = signal.signal(signal.SIGINT, handle)
-    try:
-        yield lambda: bool(pressed)
-    finally:
-        signal.signal(signal.SIGINT, previous)
-
-
-@contextmanager
-def _iterations() -> "Iterator[Callable[['Iteration'], None] | None]":
-    """Give a function that shows the solver's iterations on a terminal, None if there is none."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-
-    with Console(stderr=True).status('building') as status:
-
-        def show(iteration: 'Iteration') -> None:
-            status.update(
-                f'iteration {iteration.number}: objective {iteration.objective:.6g}, '
-                f'infeasibility {iteration.primal_infeasibility:.1e}'
-            )
-
-        yield show
 
 
 def _sim(arguments: argparse.Namespace) -> int:
@@ -256,7 +258,7 @@ def _sim(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(document))
     else:
-        _print_table(
+        print_rows(
             [
                 ('flown', f'{duration:.6g} s, {len(flown)} samples'),
                 *((f'  final {k}', f'{v[-1]:.6g}') for k, v in flown.states.items()),
@@ -264,122 +266,6 @@ def _sim(arguments: argparse.Namespace) -> int:
                 *(('written', str(path)) for path in outputs),
             ]
         )
-    return 0
-
-
-def _replay(arguments: argparse.Namespace) -> int:
-    from .logs.any_log import is_mcap
-    from .logs.recorded import read_plans
-    from .replay import replay_log
-
-    if len(arguments.log) > 1 and any('{log}' not in name for name in arguments.output):
-        raise InputError("several logs need '{log}' in each output name, such as -o '{log}.rrd'")
-    summaries = []
-    for log in arguments.log:
-        names = [name.replace('{log}', Path(log).stem) for name in arguments.output]
-        outputs = export.check_outputs(names, export.REPLAY_FORMATS)
-        replay = replay_log(
-            log,
-            source=arguments.source,
-            start=arguments.start,
-            end=arguments.end,
-            wind=arguments.wind,
-            flight=arguments.flight,
-        )
-        summary = replay.summary()
-        # our own recordings hold what was meant to be flown
-        plans = read_plans(log) if outputs and is_mcap(log) else []
-        planned = plans[-1] if plans else None
-        flight = replace(replay.trajectory, vehicle=planned.vehicle if planned else '')
-        for path in outputs:
-            export.write_replay(path, flight, summary, planned=planned)
-        summaries.append(summary)
-        for warning in summary['warnings']:
-            print(f'flightdyn: {log}: warning: {warning}', file=sys.stderr)
-        if not arguments.json:
-            _print_table(
-                [
-                    ('log', log),
-                    ('source', f'{summary["source"]} ({summary["schema"]})'),
-                    ('used', f'{summary["used"]} of {summary["messages"]} messages'),
-                    *((f'  {reason}', str(n)) for reason, n in summary['dropped'].items()),
-                    ('clock', f"the {summary['clock']}'s"),
-                    ('segments', str(len(summary['segments']))),
-                    *_flights(summary['flights']),
-                    ('duration', f'{summary["duration_s"]:.6g} s'),
-                    ('distance', f'{summary["distance_m"] / 1e3:.6g} km'),
-                    ('max speed', f'{summary["max_speed"]:.4g} m/s'),
-                    ('max altitude', _altitude(summary)),
-                    *_wind(summary['wind']),
-                    *(('written', str(path)) for path in outputs),
-                ]
-            )
-    if arguments.json:
-        print(json.dumps(summaries[0] if len(summaries) == 1 else summaries))
-    return 0
-
-
-def _flights(found: list[dict[str, Any]]) -> list[tuple[str, str]]:
-    return [
-        (
-            f'flight {number}',
-            f'{"take-off" if flight["takeoff"] else "in flight from"} {flight["start"]:.6g} s, '
-            f'{"landing" if flight["landing"] else "in flight to"} {flight["end"]:.6g} s',
-        )
-        for number, flight in enumerate(found, 1)
-    ]
-
-
-def _wind(found: dict[str, Any] | None) -> list[tuple[str, str]]:
-    if found is None:
-        return []
-    text = f'{found["speed"]:.3g} m/s from {found["from_deg"]:.0f} deg, +-{found["std"]:.2g} m/s'
-    return [('wind', f'{text} ({found["method"]})')]
-
-
-def _altitude(summary: dict[str, Any]) -> str:
-    return f'{summary["max_altitude"]:.6g} m ({summary["altitude_datum"]})'
-
-
-def _info(arguments: argparse.Namespace) -> int:
-    from .logs.any_log import describe
-
-    info = describe(arguments.log).to_dict()
-    if arguments.json:
-        print(json.dumps(info))
-        return 0
-    _print_columns(
-        ('topic', 'schema', 'messages', 'replay as'),
-        [
-            (t['topic'], t['schema'], str(t['messages']), t['kind'] if t['usable'] else '-')
-            for t in info['topics']
-        ],
-    )
-    for warning in info['warnings']:
-        print(f'flightdyn: {arguments.log}: warning: {warning}', file=sys.stderr)
-    return 0
-
-
-def _convert(arguments: argparse.Namespace) -> int:
-    from .logs.convert import convert
-
-    summary = convert(arguments.log, arguments.output, arguments.source)
-    for warning in summary['warnings']:
-        print(f'flightdyn: {arguments.log}: warning: {warning}', file=sys.stderr)
-    if arguments.json:
-        print(json.dumps(summary))
-        return 0
-    _print_table(
-        [
-            ('log', f'{summary["file"]} ({summary["format"]})'),
-            ('source', f'{summary["source"]} ({summary["schema"]})'),
-            ('used', f'{summary["used"]} of {summary["messages"]} messages'),
-            *((f'  {reason}', str(n)) for reason, n in summary['dropped'].items()),
-            ('altitude', summary['altitude_datum']),
-            *((t['topic'], f'{t["schema"]}, {t["messages"]}') for t in summary['topics']),
-            ('written', summary['output']),
-        ]
-    )
     return 0
 
 
@@ -398,12 +284,14 @@ def _models(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(rows))
     else:
-        _print_columns(
-            ('class', 'kind', 'states', 'controls'),
+        print_rows(
             [
-                (r['class'], r['kind'], ' '.join(r['states']), ' '.join(r['controls']))
-                for r in rows
-            ],
+                ('class', 'kind', 'states', 'controls'),
+                *(
+                    (r['class'], r['kind'], ' '.join(r['states']), ' '.join(r['controls']))
+                    for r in rows
+                ),
+            ]
         )
     return 0
 
@@ -420,9 +308,11 @@ def _vehicles(arguments: argparse.Namespace) -> int:
     elif arguments.vehicle:
         print('\n\n'.join(v.describe() for v in vehicles))
     else:
-        _print_columns(
-            ('vehicle', 'model', 'fit error', 'description'),
-            [(v.name, v.model_name, _fit_error(v), v.description) for v in vehicles],
+        print_rows(
+            [
+                ('vehicle', 'model', 'fit error', 'description'),
+                *((v.name, v.model_name, _fit_error(v), v.description) for v in vehicles),
+            ]
         )
     return 0
 
@@ -444,19 +334,6 @@ def _fit_error(vehicle: 'Vehicle') -> str:
     errors = {name: e for name, e in vehicle.fit_errors.items() if name in ('CL', 'CD')}
     told = [f'{name} {e.largest:.1e}{" rel." * e.relative}' for name, e in errors.items()]
     return ', '.join(told) or '-'
-
-
-def _print_table(rows: Sequence[tuple[str, str]]) -> None:
-    width = max(len(label) for label, _ in rows)
-    for label, value in rows:
-        print(f'{label:<{width}}  {value}')
-
-
-def _print_columns(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    table = [header, *rows]
-    widths = [max(len(row[i]) for row in table) for i in range(len(header))]
-    for row in table:
-        print('  '.join(f'{cell:<{w}}' for cell, w in zip(row, widths, strict=True)).rstrip())
 
 
 if __name__ == '__main__':

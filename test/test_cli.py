@@ -192,6 +192,11 @@ def test_unverified_plan_exits_4(capsys: pytest.CaptureFixture[str]) -> None:
         (['replay', str(GLIDER), '--source', '/gps'], '/fix'),
         (['replay', str(GLIDER), '--start', '90000'], 'it runs from 0 s'),
         (['replay', str(GLIDER), str(GLIDER), '-o', 'x.csv'], "'{log}'"),
+        (
+            ['replay', str(GLIDER), str(GLIDER), '-o', '{log}.csv'],
+            'would be written to discus2_thermal.csv',
+        ),
+        (['convert', 'a.ulg', 'b.ulg', 'x.mcap'], "'{log}'"),
         (['info', __file__], 'MCAP'),
         (['convert', str(GLIDER), 'out.mcap'], 'is an MCAP already'),
         (['convert', str(GLIDER), 'out.csv'], "suffix '.csv', not .mcap"),
@@ -206,6 +211,65 @@ def test_bad_input_is_one_line_and_code_2(
     assert captured.out == ''
     assert message in captured.err
     assert len(captured.err.strip().splitlines()) == 1
+
+
+@pytest.fixture
+def three_logs(tmp_path: Path) -> list[str]:
+    """A log, what is none, and another log."""
+    rows = '\n'.join(f'{t},{48 + 1e-5 * t},9.0,500.0' for t in range(20))
+    for name in ('first.csv', 'last.csv'):
+        (tmp_path / name).write_text('timestamp,latitude,longitude,altitude\n' + rows)
+    (tmp_path / 'none.csv').write_bytes(b'')
+    return [str(tmp_path / f'{name}.csv') for name in ('first', 'none', 'last')]
+
+
+@pytest.mark.parametrize('command', ['info', 'replay', 'convert'])
+def test_a_bad_log_stops_no_other(
+    command: str, three_logs: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = [command, *three_logs]
+    if command == 'convert':
+        arguments.append(f'{tmp_path}/{{log}}.mcap')
+    assert main([*arguments, '--json']) == 2
+    told = capsys.readouterr()
+    first, none, last = json.loads(told.out)
+    assert first['messages'] == last['messages'] == 20
+    assert none['exit_code'] == 2
+    assert f'flightdyn: {none["error"]}' in told.err.splitlines()
+    assert 'none.csv' in none['error']
+    assert main(arguments) == 2
+    told = capsys.readouterr()
+    assert [f'{log}:' in told.out for log in three_logs] == [True, False, True]
+    if command == 'convert':
+        assert sorted(p.name for p in tmp_path.glob('*.mcap')) == ['first.mcap', 'last.mcap']
+
+
+@pytest.mark.parametrize('command', ['replay', 'convert'])
+def test_interrupt_leaves_no_half_file(
+    command: str, three_logs: list[str], tmp_path: Path
+) -> None:
+    # the signal is sent while the file is being written
+    script = (
+        'import os, signal, sys\n'
+        'from flightdyn import cli, files\n'
+        'from flightdyn.logs.recording import McapRecorder\n'
+        'import flightdyn.tables as tables\n'
+        'def interrupted(*arguments, **more):\n'
+        f'    assert len(list(__import__("pathlib").Path({str(tmp_path)!r}).glob(".*"))) == 1\n'
+        '    os.kill(os.getpid(), signal.SIGINT)\n'
+        'McapRecorder.write = tables._write_parquet = interrupted\n'
+        'sys.exit(cli.main(sys.argv[1:]))\n'
+    )
+    output = {'replay': ['-o', f'{tmp_path}/x.parquet'], 'convert': [f'{tmp_path}/x.mcap']}
+    done = subprocess.run(
+        [sys.executable, '-c', script, command, three_logs[0], *output[command]],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 130
+    assert done.stderr == 'flightdyn: interrupted\n'
+    assert sorted(p.name for p in tmp_path.iterdir()) == ['first.csv', 'last.csv', 'none.csv']
 
 
 def test_interrupt_ends_planning_with_130(tmp_path: Path) -> None:

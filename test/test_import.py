@@ -6,13 +6,25 @@ import sys
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1] / 'flightdyn'
-HEAVY = {'rclpy', 'rerun', 'scipy', 'matplotlib', 'pyarrow', 'rosbags', 'mcap', 'yaml', 'pymap3d'}
+HEAVY = {
+    'rclpy',
+    'rerun',
+    'scipy',
+    'matplotlib',
+    'pyarrow',
+    'rosbags',
+    'mcap',
+    'yaml',
+    'pymap3d',
+    'dask',
+}
 
 # from the ground up; a package may import those before it
 LAYERS = [
     *('errors', 'units', 'numpy', 'files', 'config', 'frames', 'environment', 'resources'),
     *('trajectory', 'tables', 'dynamics', 'vehicles', 'logs', 'replay', 'simulation'),
-    *('planning', 'viewing', 'export', 'cli', 'nodes'),
+    *('planning', 'viewing', 'export', 'batch', 'batch_replay', 'console', 'cli_logs', 'cli'),
+    'nodes',
 ]
 
 

@@ -1,9 +1,9 @@
 """Columns from CDR payloads: many messages of one type at once.
 
 A type is flattened into steps (numbers, strings, sequences) up to the last field that is wanted.
-While every message of a batch has the same lengths of strings and sequences, offsets are plain
-integers and one copy per message fetches all numbers. As soon as lengths differ, offsets become
-one array per step and the same steps go on with those.
+Messages that are laid out like the one before, as nearly all of a topic are, are copied as whole
+rows, see `cdr_layout`. The others go through the steps together: as long as they have the same
+lengths of strings and sequences, offsets are plain integers; then they become one array per step.
 
 References
 ----------
@@ -11,13 +11,15 @@ References
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import LogError
+from .cdr_layout import ENCAPSULATIONS, Layout, text_of
+from .cdr_steps import Number, Sequence_, Step, Text
+from .cdr_steps import flatten as flatten
 from .definitions import Definitions
 
 Bytes = NDArray[np.uint8]
@@ -34,52 +36,7 @@ FAULTS = (
 
 _SHORT, _ENCAPSULATION, _LENGTH, _TOO_LONG = 1, 2, 3, 4
 
-# Encapsulation word: byte order, largest alignment. Parameter lists and delimited forms are laid
-# out differently and must not be taken for these.
-_ENCAPSULATIONS = {0x0000: ('>', 8), 0x0001: ('<', 8), 0x0006: ('>', 4), 0x0007: ('<', 4)}
-
-_NUMBERS = {
-    'bool': 'u1',
-    'byte': 'u1',
-    'octet': 'u1',
-    'char': 'u1',
-    'int8': 'i1',
-    'uint8': 'u1',
-    'int16': 'i2',
-    'uint16': 'u2',
-    'int32': 'i4',
-    'uint32': 'u4',
-    'int64': 'i8',
-    'uint64': 'u8',
-    'float32': 'f4',
-    'float64': 'f8',
-}
-
 _MAX_ELEMENTS = 65536  # of strings or structs, each a step of its own
-_MAX_STEPS = 20000  # a definition that flattens into more is not one of a sensor
-
-
-@dataclass(frozen=True)
-class _Number:
-    name: str
-    code: str
-    count: int | None  # None: a scalar
-    is_bool: bool = False
-
-
-@dataclass(frozen=True)
-class _Text:
-    name: str
-
-
-@dataclass(frozen=True)
-class _Sequence:
-    name: str
-    element: '_Number | _Text | None'  # None: structs, see steps
-    steps: 'tuple[_Step, ...]' = ()
-
-
-_Step = _Number | _Text | _Sequence
 
 
 class CdrDecoder:
@@ -112,6 +69,7 @@ class CdrDecoder:
         self.type_name = type_name
         self._steps = steps[: 1 + max((by_name[name] for name in fields), default=-1)]
         self._wanted = {name: steps[by_name[name]] for name in fields}
+        self._layout: Layout | None = None
 
     def empty(self, size: int) -> dict[str, NDArray[Any]]:
         """Return columns of `size` rows: zeros, None for what has no fixed size."""
@@ -136,20 +94,19 @@ class CdrDecoder:
             0, or an index into `FAULTS`.
         """
         fault = np.zeros(start.size, np.uint8)
-        rows = np.arange(start.size)
-        long_enough = end - start >= 4
-        fault[~long_enough] = _SHORT
-        if not long_enough.all():
-            rows = rows[long_enough]
+        rows = self._decode_alike(data, start, end, into)
+        long_enough = end[rows] - start[rows] >= 4
+        fault[rows[~long_enough]] = _SHORT
+        rows = rows[long_enough]
         if rows.size == 0:
             return fault
         words = _at(data, start[rows], '>u2')
         for word in np.unique(words):
             these = rows[words == word]
-            if int(word) not in _ENCAPSULATIONS:
+            if int(word) not in ENCAPSULATIONS:
                 fault[these] = _ENCAPSULATION
                 continue
-            order, align = _ENCAPSULATIONS[int(word)]
+            order, align = ENCAPSULATIONS[int(word)]
             cursor = _Cursor(
                 data, order, align, these, start[these] + 4, end[these] - start[these] - 4, fault
             )
@@ -157,73 +114,23 @@ class CdrDecoder:
             cursor.fetch(into)
         return fault
 
-
-def flatten(definitions: Definitions, type_name: str) -> list[_Step]:
-    """Return the steps that decode a message type, in the order of its bytes.
-
-    Raises
-    ------
-    LogError
-        If a type is not defined, contains itself or cannot be laid out.
-    """
-    steps: list[_Step] = []
-    _flatten(definitions, type_name, '', steps, ())
-    return steps
-
-
-def _flatten(
-    definitions: Definitions,
-    type_name: str,
-    prefix: str,
-    steps: list[_Step],
-    above: tuple[str, ...],
-) -> None:
-    if type_name not in definitions:
-        raise LogError(f'message type {type_name} is used but not defined')
-    if type_name in above:
-        raise LogError(f'message type {type_name} contains itself')
-    above = (*above, type_name)
-    for field in definitions[type_name]:
-        name = prefix + field.name
-        if len(steps) > _MAX_STEPS:
-            raise LogError(f'message type {type_name} has more than {_MAX_STEPS} fields')
-        base = _base_step(name, field.type)
-        if field.kind == 'scalar':
-            if base is not None:
-                steps.append(base)
-            else:
-                _flatten(definitions, field.type, name + '.', steps, above)
-        elif field.kind == 'array':
-            if isinstance(base, _Number):
-                steps.append(replace(base, count=field.size))
-            elif field.size > _MAX_STEPS:
-                raise LogError(f'{name} has {field.size} elements: too many')
-            else:
-                for i in range(field.size):
-                    if base is not None:
-                        steps.append(_Text(f'{name}.{i}'))
-                    else:
-                        _flatten(definitions, field.type, f'{name}.{i}.', steps, above)
-        elif base is not None:
-            steps.append(_Sequence(name, base))
-        else:
-            inner: list[_Step] = []
-            _flatten(definitions, field.type, '', inner, above)
-            steps.append(_Sequence(name, None, tuple(inner)))
+    def _decode_alike(
+        self, data: Bytes, start: Offsets, end: Offsets, into: dict[str, NDArray[Any]]
+    ) -> NDArray[np.intp]:
+        """Decode the messages that are laid out like the last ones; return which are left."""
+        if self._layout is None and start.size:
+            first = data[start[0] : end[0]].tobytes()
+            self._layout = Layout.of(self._steps, self._wanted, first)
+        if self._layout is None:
+            return np.arange(start.size)
+        left = self._layout.decode(data, start, end, into)
+        if 2 * left.size > start.size:
+            self._layout = None
+        return left
 
 
-def _base_step(name: str, type_name: str) -> _Number | _Text | None:
-    if type_name in _NUMBERS:
-        return _Number(name, _NUMBERS[type_name], None, type_name == 'bool')
-    if type_name == 'string':
-        return _Text(name)
-    if '/' not in type_name:
-        raise LogError(f'{name} is a {type_name}, which cannot be read')
-    return None
-
-
-def _column(step: _Step, size: int) -> NDArray[Any]:
-    if isinstance(step, _Number):
+def _column(step: Step, size: int) -> NDArray[Any]:
+    if isinstance(step, Number):
         shape = (size,) if step.count is None else (size, step.count)
         return np.zeros(shape, np.bool_ if step.is_bool else step.code)
     return np.full(size, None, object)
@@ -249,16 +156,16 @@ class _Cursor:
         self.data, self.order, self.max_align = data, order, align
         self.rows, self.base, self.limit, self.fault = rows, base, limit, fault
         self.pos: int | Offsets = 0
-        self.pending: list[tuple[_Number, int]] = []
+        self.pending: list[tuple[Number, int]] = []
 
-    def run(self, steps: Sequence[_Step], into: dict[str, NDArray[Any]]) -> None:
+    def run(self, steps: Sequence[Step], into: dict[str, NDArray[Any]]) -> None:
         """Go through steps, filling columns; numbers at common offsets wait for `fetch`."""
         for step in steps:
             if self.rows.size == 0:
                 return
-            if isinstance(step, _Number):
+            if isinstance(step, Number):
                 self._number(step, into)
-            elif isinstance(step, _Text):
+            elif isinstance(step, Text):
                 self._text(step, into)
             else:
                 self._sequence(step, into)
@@ -289,7 +196,7 @@ class _Cursor:
         size = min(size, self.max_align)
         self.pos = (self.pos + size - 1) & -size
 
-    def _number(self, step: _Number, into: dict[str, NDArray[Any]]) -> None:
+    def _number(self, step: Number, into: dict[str, NDArray[Any]]) -> None:
         if step.count == 0:
             return
         size = int(step.code[1])
@@ -315,7 +222,7 @@ class _Cursor:
         self.pos = self.pos + 4
         return length
 
-    def _text(self, step: _Text, into: dict[str, NDArray[Any]]) -> None:
+    def _text(self, step: Text, into: dict[str, NDArray[Any]]) -> None:
         length = self._length()
         ok = self._keep(length <= self.limit - self.pos, _LENGTH)
         length = length[ok]
@@ -328,7 +235,9 @@ class _Cursor:
         if length.size and (length == length[0]).all() and length[0] > 0:
             pieces = _at(self.data, begin, f'S{length[0]}')
             if (pieces == pieces[0]).all():  # as a frame_id nearly always is
-                return np.full(begin.size, _text_of(bytes(pieces[0])), object)
+                texts = np.empty(begin.size, object)
+                texts[:] = text_of(pieces[:1].tobytes())
+                return texts
         raw = self.data.data
         known: dict[bytes, str] = {}
         texts = np.empty(begin.size, object)
@@ -336,13 +245,13 @@ class _Cursor:
             piece = bytes(raw[at : at + size])
             text = known.get(piece)
             if text is None:
-                text = known[piece] = _text_of(piece)
+                text = known[piece] = text_of(piece)
             texts[i] = text
         return texts
 
-    def _sequence(self, step: _Sequence, into: dict[str, NDArray[Any]]) -> None:
+    def _sequence(self, step: Sequence_, into: dict[str, NDArray[Any]]) -> None:
         wanted = step.name in into
-        if isinstance(step.element, _Number):
+        if isinstance(step.element, Number):
             self._numbers(step, step.element, into)
             return
         if self.max_align == 4:  # XCDR2 puts a size in front of these; not needed so far
@@ -355,7 +264,7 @@ class _Cursor:
         if count.size == 0:
             return
         lists: list[list[Any]] = [[] for _ in range(count.size)]
-        inner: tuple[_Step, ...] = (_Text('text'),) if step.element else step.steps
+        inner: tuple[Step, ...] = (Text('text'),) if step.element else step.steps
         pos = np.broadcast_to(np.asarray(self.pos, np.int64), count.shape).copy()
         alive = np.ones(count.size, bool)
         for k in range(int(count.max())):
@@ -389,7 +298,7 @@ class _Cursor:
                 into[step.name][row] = lists[values]
         self._settle()
 
-    def _numbers(self, step: _Sequence, element: _Number, into: dict[str, NDArray[Any]]) -> None:
+    def _numbers(self, step: Sequence_, element: Number, into: dict[str, NDArray[Any]]) -> None:
         count = self._length()
         size = int(element.code[1])
         # No elements, no padding: alignment belongs to the first element.
@@ -432,11 +341,7 @@ class _Cursor:
         return ok
 
 
-def _text_of(piece: bytes) -> str:
-    return piece.removesuffix(b'\0').decode('utf-8', 'replace')
-
-
-def _format(order: str, step: _Number) -> Any:
+def _format(order: str, step: Number) -> Any:
     code = order + step.code
     return code if step.count is None else (code, (step.count,))
 

@@ -12,8 +12,7 @@ References
 import contextlib
 import mmap
 import struct
-import zlib
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -23,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import LogError
+from .cdr_layout import ROOM, rows_at
 from .mcap_records import (
     CHANNEL,
     CHUNK,
@@ -36,6 +36,7 @@ from .mcap_records import (
     MESSAGE,
     MESSAGE_HEAD,
     MESSAGE_INDEX,
+    MESSAGE_INDEX_HEAD,
     METADATA,
     METADATA_INDEX,
     OTHER_FORMATS,
@@ -45,12 +46,13 @@ from .mcap_records import (
     DamageError,
     RecordReader,
 )
-from .unpacking import unpack
+from .mcap_walking import by_channel, walk
+from .unpacking import crc32, unpack
 
 Bytes = NDArray[np.uint8]
 Offsets = NDArray[np.int64]
 
-MAX_CHUNK_BYTES = 512 * 2**20
+MAX_CHUNK_BYTES = 256 * 2**20
 """Largest unpacked chunk that is accepted; recorders write 1 to 16 MiB."""
 
 
@@ -212,41 +214,43 @@ class McapFile:
                 self._fail(damage)
 
     def _block_batches(self, block: _Block, wanted: set[int]) -> Iterator[MessageBatch]:
-        data = self._unpack_chunk(block) if block.length else self._data
-        offsets = self._indexed_offsets(block, wanted, data) if block.offsets is None else None
-        if offsets is None:
+        data, roomy = self._unpack_chunk(block) if block.length else (self._data, self._data)
+        found = self._indexed(block, wanted, data) if block.offsets is None else None
+        if found is None:
             if block.offsets is None:  # the index of this chunk is wrong: look for ourselves
                 block.offsets = self._walk_chunk(block, data)
             offsets = {key: block.offsets[key] for key in wanted if key in block.offsets}
-        for channel_id in sorted(offsets):
-            start = offsets[channel_id]
-            head = _gather(data, start, MESSAGE_HEAD)
-            body = start + MESSAGE_HEAD.itemsize
+            found = {key: (at, rows_at(data, at, MESSAGE_HEAD)) for key, at in offsets.items()}
+        for channel_id in sorted(found):
+            start, head = found[channel_id]
             yield MessageBatch(
                 channel_id,
-                data,
-                body,
+                roomy,
+                start + MESSAGE_HEAD.itemsize,
                 start + RECORD.size + head['length'].astype(np.int64),
-                head['log_time'].astype(np.int64),
-                head['publish_time'].astype(np.int64),
+                head['log_time'],
+                head['publish_time'],
             )
 
-    def _indexed_offsets(
+    def _indexed(
         self, block: _Block, wanted: set[int], data: Bytes
-    ) -> dict[int, Offsets] | None:
-        """Return record offsets by channel from the message indexes; None if one is wrong."""
-        found: dict[int, Offsets] = {}
+    ) -> dict[int, tuple[Offsets, NDArray[np.void]]] | None:
+        """Return offsets and heads of messages by channel from the index; None if it is wrong."""
+        found: dict[int, tuple[Offsets, NDArray[np.void]]] = {}
         for channel_id in wanted.intersection(block.index_offsets):
             entries = self._message_index(block.index_offsets[channel_id], channel_id)
-            # The index is ordered by time, the file by arrival; arrival is what we promise.
-            entries = entries[np.argsort(entries['offset'], kind='stable')]
             offset = entries['offset'].astype(np.int64)
-            room = data.size - MESSAGE_HEAD.itemsize
             if offset.size == 0:
                 continue
-            if offset[0] < 0 or offset[-1] > room or (np.diff(offset) <= 0).any():
+            if offset.min() < 0 or offset.max() > data.size - MESSAGE_HEAD.itemsize:
                 return None
-            head = _gather(data, offset, MESSAGE_HEAD)
+            if (offset[1:] <= offset[:-1]).any():
+                # The index is ordered by time, the file by arrival; arrival is what we promise.
+                entries = entries[np.argsort(entries['offset'], kind='stable')]
+                offset = entries['offset'].astype(np.int64)
+                if (offset[1:] == offset[:-1]).any():
+                    return None
+            head = rows_at(data, offset, MESSAGE_HEAD)
             length = head['length']
             fits = (length >= 22) & (length <= (data.size - RECORD.size - offset).astype('u8'))
             right = (
@@ -257,7 +261,7 @@ class McapFile:
             )
             if not right.all():
                 return None
-            found[channel_id] = offset
+            found[channel_id] = offset, head
         return found
 
     def _message_index(self, at: int, channel_id: int) -> NDArray[np.void]:
@@ -270,8 +274,12 @@ class McapFile:
             raise DamageError(at, f'expected the message index of channel {channel_id}')
         return np.frombuffer(self._map, INDEX_ENTRY, size // 16, body + 6)
 
-    def _unpack_chunk(self, block: _Block) -> Bytes:
-        """Return a chunk's records, unpacked into memory that the next chunk uses again."""
+    def _unpack_chunk(self, block: _Block) -> tuple[Bytes, Bytes]:
+        """Return a chunk's records, unpacked into memory that the next chunk uses again.
+
+        The second array is the same and some bytes behind it: a row that ends with the last
+        message may be a little longer.
+        """
         at = block.offset
         opcode, length = RECORD.unpack_from(self._map, at)
         if opcode != CHUNK or length + RECORD.size != block.length:
@@ -302,15 +310,17 @@ class McapFile:
                 f'{size} bytes; at most {self.max_chunk_bytes} are accepted'
             )
         packed = self._data[start : start + packed_size]
-        if self._buffer.size < size:
-            self._buffer = np.empty(size, np.uint8)
+        if self._buffer.size < size + ROOM:
+            self._buffer = np.empty(size + ROOM, np.uint8)
         try:
             data = unpack(compression, packed, self._buffer[:size])
         except ValueError as error:
             raise DamageError(at, f'the chunk does not unpack: {error}') from None
-        if crc and (found := zlib.crc32(data.data)) != crc:
+        if crc and (found := crc32(data.data)) != crc:
             raise DamageError(at, f'the chunk is damaged: CRC {found:08x}, stored {crc:08x}')
-        return data
+        if data is packed:
+            return data, self._data[start : start + packed_size + ROOM]
+        return data, self._buffer[: size + ROOM]
 
     def _record_at(self, at: int) -> tuple[int, int]:
         if not len(MAGIC) <= at <= self.size - RECORD.size:
@@ -362,7 +372,7 @@ class McapFile:
             if not len(MAGIC) <= start <= footer_at:
                 raise DamageError(footer_at, f'the footer puts the summary at byte {start}')
             stop = footer_at + FOOTER_RECORD.size - 4
-            if crc and zlib.crc32(self._data[start:stop].data) != crc:
+            if crc and crc32(self._data[start:stop].data) != crc:
                 raise DamageError(start, 'the summary does not match its CRC')
             return self._take_summary(start, footer_at)
         except DamageError as damage:
@@ -375,7 +385,7 @@ class McapFile:
         chunk_count = metadata_count = 0
         blocks: dict[int, _Block] = {}
         metadata_at: list[int] = []
-        for opcode, at, end in self._walk(start, stop, self._map):
+        for opcode, _, at, end in walk(self._data, start, stop):
             reader = RecordReader(self._map, at, end)
             if opcode in (SCHEMA, CHANNEL):
                 self._define(opcode, reader)
@@ -392,13 +402,8 @@ class McapFile:
                 if not len(MAGIC) <= offset <= offset + length <= start:
                     raise DamageError(at, f'the index puts a chunk at byte {offset}')
                 blocks[offset] = _Block(offset, length, index_offsets=dict(reader.pairs('<HQ')))
-        counts: dict[int, int] = {}
-        for block in blocks.values():
-            for channel_id, index_at in block.index_offsets.items():
-                size = self._message_index(index_at, channel_id).size
-                counts[channel_id] = counts.get(channel_id, 0) + size
+        counts = self._count_indexed(blocks.values())
         expected = {key: n for key, n in expected.items() if n} if expected is not None else None
-        counts = {key: n for key, n in counts.items() if n}
         complete = (
             expected == counts
             and chunk_count == len(blocks)
@@ -421,30 +426,53 @@ class McapFile:
             self._take_metadata(RecordReader(self._map, at + 9, at + 9 + length))
         return True
 
+    def _count_indexed(self, blocks: Iterable[_Block]) -> dict[int, int]:
+        """Return how many messages of each channel the indexes of chunks list, if any."""
+        pairs = [pair for block in blocks for pair in block.index_offsets.items()]
+        channel, at = np.array(pairs, np.uint64).reshape(-1, 2).T
+        inside = (at >= len(MAGIC)) & (at <= max(self.size - MESSAGE_INDEX_HEAD.itemsize, 0))
+        if not inside.all():
+            outside = int(at[np.argmin(inside)])
+            raise DamageError(outside, f'no record there: the file has {self.size} bytes')
+        head = rows_at(self._data, at.astype(np.int64), MESSAGE_INDEX_HEAD)
+        right = (
+            (head['opcode'] == MESSAGE_INDEX)
+            & (head['channel'] == channel)
+            & (head['length'] == head['size'].astype(np.uint64) + 6)
+            & (head['length'] <= self.size - RECORD.size - at)
+            & (head['size'] % INDEX_ENTRY.itemsize == 0)
+        )
+        if not right.all():
+            wrong = int(np.argmin(right))
+            raise DamageError(int(at[wrong]), f'expected the message index of {channel[wrong]}')
+        counts = np.zeros(2**16, np.int64)
+        np.add.at(counts, channel.astype(np.int64), head['size'] // INDEX_ENTRY.itemsize)
+        return {int(key): int(counts[key]) for key in np.flatnonzero(counts)}
+
     def _scan(self) -> None:
         """Read the whole file from front to back."""
-        loose: dict[int, list[int]] = {}
+        loose: list[Offsets] = []
         at = len(MAGIC)
         stop = self.size - (len(MAGIC) if self._closed_properly else 0)
         ended = False
         try:
-            for opcode, body, end in self._walk(at, stop, self._map):
+            for opcode, offsets, body, end in walk(self._data, at, stop):
                 at = body - RECORD.size
                 reader = RecordReader(self._map, body, end)
                 if opcode == CHUNK:
                     self._flush_loose(loose)
                     block = _Block(at, end - at)
-                    block.offsets = self._walk_chunk(block, self._unpack_chunk(block))
+                    block.offsets = self._walk_chunk(block, self._unpack_chunk(block)[0])
                     self._blocks.append(block)
                 elif opcode in (SCHEMA, CHANNEL):
                     self._define(opcode, reader)
                 elif opcode == MESSAGE:
-                    loose.setdefault(_message_channel(reader), []).append(at)
+                    loose.append(offsets)
                 elif opcode == METADATA:
                     self._take_metadata(reader)
                 elif opcode == DATA_END:
                     crc = reader.u32()
-                    if crc and zlib.crc32(self._data[:at].data) != crc:
+                    if crc and crc32(self._data[:at].data) != crc:
                         raise DamageError(at, 'the data section does not match its CRC')
                     ended = True
                     break
@@ -464,52 +492,32 @@ class McapFile:
         self._flush_loose(loose)
         self.message_counts = dict.fromkeys(self.channels, 0)
         for block in self._blocks:
-            for channel_id, offsets in (block.offsets or {}).items():
+            for channel_id, held in (block.offsets or {}).items():
                 if channel_id not in self.channels:
                     raise LogError(
                         f'{self.path}: byte {block.offset}: messages of channel {channel_id}, '
                         'which the file does not define'
                     )
-                self.message_counts[channel_id] += offsets.size
+                self.message_counts[channel_id] += held.size
 
-    def _flush_loose(self, loose: dict[int, list[int]]) -> None:
+    def _flush_loose(self, loose: list[Offsets]) -> None:
         if loose:
-            table = {key: np.asarray(offsets, np.int64) for key, offsets in loose.items()}
-            self._blocks.append(_Block(min(int(o[0]) for o in table.values()), offsets=table))
+            table = by_channel(self._data, np.concatenate(loose))
+            self._blocks.append(_Block(int(loose[0][0]), offsets=table))
             loose.clear()
 
     def _walk_chunk(self, block: _Block, data: Bytes) -> dict[int, Offsets]:
         """Return record offsets by channel of an unpacked chunk; take its definitions."""
-        offsets: dict[int, list[int]] = {}
-        view = data.data
+        messages = [np.empty(0, np.int64)]
         try:
-            for opcode, body, end in self._walk(0, data.size, view):
+            for opcode, offsets, body, end in walk(data, 0, data.size):
                 if opcode == MESSAGE:
-                    channel = _message_channel(RecordReader(view, body, end))
-                    offsets.setdefault(channel, []).append(body - RECORD.size)
+                    messages.append(offsets)
                 elif opcode in (SCHEMA, CHANNEL):
-                    self._define(opcode, RecordReader(view, body, end))
+                    self._define(opcode, RecordReader(data.data, body, end))
         except DamageError as damage:
             raise DamageError(block.offset, f'inside the chunk, {damage}') from None
-        return {key: np.asarray(values, np.int64) for key, values in offsets.items()}
-
-    @staticmethod
-    def _walk(at: int, stop: int, data: memoryview | mmap.mmap) -> Iterator[tuple[int, int, int]]:
-        """Yield opcode, start and end of each record's content between two bytes."""
-        unpack_from = RECORD.unpack_from
-        while at < stop:
-            if stop - at < RECORD.size:
-                raise DamageError(at, f'{stop - at} bytes are too few for a record')
-            opcode, length = unpack_from(data, at)
-            body = at + 9
-            if opcode == 0:
-                raise DamageError(at, 'expected a record, found zeros')
-            if length > stop - body:
-                raise DamageError(
-                    at, f'record 0x{opcode:02x} claims {length} bytes, {stop - body} follow'
-                )
-            at = body + length
-            yield opcode, body, at
+        return by_channel(data, np.concatenate(messages))
 
     def _define(self, opcode: int, reader: 'RecordReader') -> None:
         if opcode == SCHEMA:
@@ -532,16 +540,3 @@ class McapFile:
 
     def _fail(self, damage: DamageError) -> NoReturn:
         raise LogError(f'{self.path}: {damage}') from None
-
-
-def _message_channel(reader: RecordReader) -> int:
-    if reader.end - reader.at < 22:
-        raise DamageError(reader.at - RECORD.size, 'a message record is too short')
-    return reader.u16()
-
-
-def _gather(data: Bytes, offsets: Offsets, dtype: np.dtype[np.void]) -> NDArray[np.void]:
-    """Return the structs at byte offsets; one copy per row, whatever the number of fields."""
-    room = data.size - dtype.itemsize + 1
-    rows = np.ndarray((room,), f'V{dtype.itemsize}', data, strides=(1,))
-    return rows[offsets].view(dtype)

@@ -23,6 +23,9 @@ MESSAGE_HEAD = np.dtype(
         ('publish_time', '<i8'),
     ]
 )
+MESSAGE_INDEX_HEAD = np.dtype(
+    [('opcode', 'u1'), ('length', '<u8'), ('channel', '<u2'), ('size', '<u4')]
+)
 INDEX_ENTRY = np.dtype([('log_time', '<i8'), ('offset', '<u8')])
 
 OTHER_FORMATS = {

@@ -174,14 +174,15 @@ def test_damaged_summary_falls_back_to_the_whole_file(write_log: Write) -> None:
     assert len(contents(path)) == 50
 
 
-def test_wrong_message_index_is_not_believed(write_log: Write) -> None:
+@pytest.mark.parametrize('wrong', [1, 2**32, 2**63])  # off by so much, modulo 2**64
+def test_wrong_message_index_is_not_believed(write_log: Write, wrong: int) -> None:
     path = write_log(fixes(50), chunk_size=10**6)
     data = bytearray(path.read_bytes())
     record = data.find(struct.pack('<BQHI', 7, 6 + 50 * 16, 1, 50 * 16))
     assert record > 0
     entry = record + 9 + 6 + 16 * 10
     offset = struct.unpack_from('<Q', data, entry + 8)[0]
-    struct.pack_into('<Q', data, entry + 8, offset + 1)
+    struct.pack_into('<Q', data, entry + 8, offset + wrong)
     path.write_bytes(data)
     assert len(contents(path)) == 50
 
