@@ -26,6 +26,7 @@ from .mavlink_topics import Sender, attitude_columns
 from .mcap_columns import Columns
 from .mcap_container import McapFile
 from .measurements import ODOMETRY_FIELDS, Array, displacements, stamp_ns
+from .nearby import interpolated
 from .poses import GEO_POSE_FIELDS, POSE_FIELDS, attitude_of, sound_attitude
 from .timeline import Rows, choose_clock, steady_time
 from .track import Track
@@ -43,8 +44,6 @@ _FIELDS: dict[str, tuple[tuple[str, ...], str]] = {
     'ulog.vehicle_attitude': (('q',), ''),
 }
 _MOST_TRIED = 4
-_BRIDGE_NS = 10**9  # attitude is interpolated between samples no further apart
-_NEAR_NS = 100 * 10**6
 _FAST = 5.0  # m/s; slower, the wind and the pilot decide where the nose points
 _LEAST = 10  # samples; fewer do not tell right from wrong
 
@@ -124,13 +123,13 @@ def with_mavlink_attitude(
     time[order] = steady_time(count.astype(np.int64)[order] * 10**6, arrival[order])
     angles = (other[name][sound].astype(float) for name in ('roll', 'pitch', 'yaw'))
     measured = np.stack(frames.quaternion_from_euler(*angles), axis=1)
-    attitude = _interpolated(time[len(track) :], measured, time[: len(track)])
+    attitude = interpolated(time[len(track) :], measured, time[: len(track)], turning=True)
     return _with_attitude(track, attitude, f'system {sender.system} in ATTITUDE')
 
 
 def with_attitude(track: Track, time: NDArray[np.int64], attitude: Array, name: str) -> Track:
     """Return a track with an attitude q_eb (m, 4) measured at times (m,) [ns] of its clock."""
-    return _with_attitude(track, _interpolated(time, attitude, track.time_ns), name)
+    return _with_attitude(track, interpolated(time, attitude, track.time_ns, turning=True), name)
 
 
 def _with_attitude(track: Track, attitude: Array, name: str) -> Track:
@@ -186,7 +185,7 @@ def _attitude_at(
         attitude = _of_px4(columns, rows)
     if attitude is None:
         return np.full((len(track), 4), np.nan)
-    return _interpolated(time[rows.used], attitude[rows.used], at)
+    return interpolated(time[rows.used], attitude[rows.used], at, turning=True)
 
 
 def _of_header(columns: Columns, prefix: str) -> Array | None:
@@ -210,29 +209,6 @@ def _of_px4(columns: Columns, rows: Rows) -> Array | None:
         if parts[row] is not None and len(parts[row]) == 4:
             quaternion[row] = parts[row]
     return sound_attitude(quaternion, in_ned=True)
-
-
-def _interpolated(time: NDArray[np.int64], attitude: Array, wanted: NDArray[np.int64]) -> Array:
-    """Return unit quaternions at the times wanted, NaN where no sample is near."""
-    known = np.isfinite(attitude).all(axis=1)
-    time, first = np.unique(time[known], return_index=True)
-    attitude = attitude[known][first]
-    if time.size == 0:
-        return np.full((wanted.size, 4), np.nan)
-    after = np.clip(np.searchsorted(time, wanted), 0, time.size - 1)
-    before = np.where(time[after] > wanted, np.maximum(after - 1, 0), after)
-    span = time[after] - time[before]
-    share = np.clip((wanted - time[before]) / np.maximum(span, 1), 0.0, 1.0)[:, None]
-    # q and -q are the same attitude: go the short way
-    same = np.sum(attitude[before] * attitude[after], axis=1, keepdims=True) >= 0
-    between = (1 - share) * attitude[before] + share * np.where(same, 1, -1) * attitude[after]
-    between /= np.linalg.norm(between, axis=1, keepdims=True)
-    late = np.abs(wanted - time[before]) > np.abs(wanted - time[after])
-    nearest = np.where(late, after, before)
-    far = np.abs(wanted - time[nearest])
-    inside = (time[before] <= wanted) & (wanted <= time[after]) & (span <= _BRIDGE_NS)
-    found = np.where(inside[:, None], between, attitude[nearest])
-    return np.where((inside | (far <= _NEAR_NS))[:, None], found, np.nan)
 
 
 def _points_backwards(track: Track, attitude: Array) -> bool:

@@ -24,6 +24,7 @@ from .definitions import full_name
 from .kinds import is_wanted
 from .mcap_container import McapFile, Schema
 from .measurements import ODOMETRY_FIELDS, Array, contradiction, odometry_measurements, stamp_ns
+from .nearby import interpolated
 from .timeline import Rows, choose_clock
 from .track import Track
 
@@ -37,8 +38,6 @@ _FIELDS = {
 }
 _ODOMETRY = 'nav_msgs/msg/Odometry'
 
-_NEAR_NS = 50 * 10**6
-_BRIDGE_NS = 2 * 10**9  # velocity is interpolated between samples no further apart
 _LEAST = 10  # samples; fewer do not tell right from wrong
 _MOST_TRIED = 4
 
@@ -163,27 +162,7 @@ def _readings(
     meant.append((flipped, ', its vertical part counted downwards'))
     used = rows.used
     for velocity, remark in meant:
-        there = _interpolated(time[used], velocity[used], at)
+        there = interpolated(time[used], velocity[used], at)
         sound = np.isfinite(there).all(axis=1)
         if sound.sum() >= _LEAST and sound.mean() >= 0.5:
             yield there, remark
-
-
-def _interpolated(time: NDArray[np.int64], velocity: Array, wanted: NDArray[np.int64]) -> Array:
-    """Return velocities at the times wanted, NaN where no sample is near."""
-    known = np.isfinite(velocity).all(axis=1)
-    time, first = np.unique(time[known], return_index=True)
-    velocity = velocity[known][first]
-    if time.size == 0:
-        return np.full((wanted.size, 3), np.nan)
-    after = np.clip(np.searchsorted(time, wanted), 0, time.size - 1)
-    before = np.where(time[after] > wanted, np.maximum(after - 1, 0), after)
-    span = time[after] - time[before]
-    share = np.clip((wanted - time[before]) / np.maximum(span, 1), 0.0, 1.0)[:, None]
-    between = (1 - share) * velocity[before] + share * velocity[after]
-    late = np.abs(wanted - time[before]) > np.abs(wanted - time[after])
-    nearest = np.where(late, after, before)
-    far = np.abs(wanted - time[nearest])
-    inside = (time[before] <= wanted) & (wanted <= time[after]) & (span <= _BRIDGE_NS)
-    found = np.where(inside[:, None], between, velocity[nearest])
-    return np.where((inside | (far <= _NEAR_NS))[:, None], found, np.nan)
