@@ -18,7 +18,7 @@ from .problem import Problem
 from .programme import Attempt, Programmes
 from .refinement import finer, resampled, strategy_of
 from .report import Plan, PlanReport, message_of, trajectory_of
-from .samples import Path, between, path
+from .samples import JUMP, Path, between, path
 from .solver import Multipliers, OnIteration
 from .transcription import Transcription
 from .verify import Verification, compare, overshoots, refly
@@ -249,10 +249,13 @@ class Run:
             [[0.0], np.cumsum(found.attempt.values[found.attempt.layout.durations])]
         )
         solved = found.attempt.problem
+        # where a phase ends a sample has its last controls, and the next, a jump later, the new
+        # ones; of held controls the sample there has the new ones
+        held = trajectory.control_interpolation == 'previous'
+        cuts = edges + JUMP * edges[-1] / 2 * (-1 if held else 1)
+        cuts[0], cuts[-1] = -np.inf, np.inf
         for leg in range(len(solved.legs)):
-            inside = (trajectory.time >= edges[leg]) & (trajectory.time <= edges[leg + 1])
-            if trajectory.control_interpolation == 'previous':
-                inside &= trajectory.time < edges[leg + 1]  # there the next controls hold
+            inside = (trajectory.time > cuts[leg]) & (trajectory.time <= cuts[leg + 1])
             columns = {name: v[inside] for name, v in trajectory.columns.items()}
             said += overshoots(
                 trajectory.time[inside], columns, solved.bounded(leg), solved.tolerance
