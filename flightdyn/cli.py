@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from .planning.solver import Iteration
+    from .vehicles.vehicle import Vehicle
 
 
 _LOG_HELP = 'flight log: MCAP, ROS bag, PX4 .ulg, ArduPilot .bin, .tlog, IGC, GPX, CSV'
@@ -71,6 +72,13 @@ def _parser() -> argparse.ArgumentParser:
         metavar='KEY=VALUE',
         help='override an entry of the problem, such as final.x_e=2 or nodes=160',
     )
+    plan.add_argument(
+        '--multistart',
+        type=int,
+        metavar='N',
+        help='start from N guesses and list the local optima found',
+    )
+    plan.add_argument('--seed', type=int, default=0, help='of the guesses besides the first')
     _add_output(plan, export.FLIGHT_FORMATS)
 
     sim = command('sim', _sim, 'Simulate a scenario, or fly a plan open-loop.')
@@ -94,7 +102,8 @@ def _parser() -> argparse.ArgumentParser:
     convert.add_argument('--source', metavar='TOPIC', help='convert this topic, not the best one')
 
     command('models', _models, 'List the Dynamics family.', config=False)
-    command('vehicles', _vehicles, 'List the configured vehicles.')
+    vehicles = command('vehicles', _vehicles, 'List the configured vehicles.')
+    vehicles.add_argument('vehicle', nargs='*', help='tell all about these only')
     return parser
 
 
@@ -116,9 +125,14 @@ def _plan(arguments: argparse.Namespace) -> int:
     from .planning.problem import load_problem
 
     outputs = export.check_outputs(arguments.output, export.FLIGHT_FORMATS)
-    problem = load_problem(arguments.problem, arguments.set, arguments.config_dir)
+    settings = list(arguments.set)
+    if arguments.multistart is not None:
+        settings.append(f'multistart={arguments.multistart}')
+    problem = load_problem(arguments.problem, settings, arguments.config_dir)
     with _interruptible() as interrupted, _iterations() as on_iteration:
-        plan = Planner().plan(problem, on_iteration=on_iteration, should_stop=interrupted)
+        plan = Planner().plan(
+            problem, seed=arguments.seed, on_iteration=on_iteration, should_stop=interrupted
+        )
     document = plan_document(plan)
     for path in outputs:
         export.write_flight(path, plan.trajectory, document)
@@ -136,6 +150,13 @@ def _plan(arguments: argparse.Namespace) -> int:
                 ('method', report.transcription),
                 ('verified', 'yes' if report.verified else 'NO'),
                 *((f'  error {k}', f'{v:.2g}') for k, v in report.verification.items()),
+                *(
+                    (f'optimum {i}', f'{each.report.objective:.8g}')
+                    for i, each in enumerate([plan, *plan.others], start=1)
+                    if plan.others
+                ),
+                *((f'arc {i}', _arc(arc)) for i, arc in enumerate(report.arcs, start=1)),
+                *(('remedy', remedy) for remedy in report.remedies),
                 *(('written', str(path)) for path in outputs),
             ]
         )
@@ -144,6 +165,11 @@ def _plan(arguments: argparse.Namespace) -> int:
     if report.code != ResultCode.SUCCESS:
         print(f'flightdyn: {report.message}', file=sys.stderr)
     return EXIT_CODES[report.code]
+
+
+def _arc(arc: dict[str, Any]) -> str:
+    limits = ', '.join(f'{name} {side}' for name, side in arc['limits'].items())
+    return f'{arc["start"]:.6g} to {arc["end"]:.6g} s: {limits}'
 
 
 @contextmanager
@@ -344,27 +370,41 @@ def _models(arguments: argparse.Namespace) -> int:
 
 
 def _vehicles(arguments: argparse.Namespace) -> int:
-    from .vehicles.vehicle import list_vehicles
+    from .vehicles.vehicle import list_vehicles, load_vehicle
 
-    vehicles = list_vehicles(arguments.config_dir)
+    if arguments.vehicle:
+        vehicles = [load_vehicle(name, arguments.config_dir) for name in arguments.vehicle]
+    else:
+        vehicles = list_vehicles(arguments.config_dir)
     if arguments.json:
-        rows = [
-            {
-                'vehicle': v.name,
-                'model': v.model_name,
-                'mass': v.mass_props.mass,
-                'controls': list(v.model().controls),
-                'description': v.description,
-            }
-            for v in vehicles
-        ]
-        print(json.dumps(rows))
+        print(json.dumps([_vehicle_document(v) for v in vehicles]))
+    elif arguments.vehicle:
+        print('\n\n'.join(v.describe() for v in vehicles))
     else:
         _print_columns(
-            ('vehicle', 'model', 'description'),
-            [(v.name, v.model_name, v.description) for v in vehicles],
+            ('vehicle', 'model', 'fit error', 'description'),
+            [(v.name, v.model_name, _fit_error(v), v.description) for v in vehicles],
         )
     return 0
+
+
+def _vehicle_document(vehicle: 'Vehicle') -> dict[str, Any]:
+    return {
+        'vehicle': vehicle.name,
+        'model': vehicle.model_name,
+        'mass': vehicle.mass_props.mass,
+        'controls': list(vehicle.model().controls),
+        'rates': dict(vehicle.rates),
+        'fit_errors': {name: e._asdict() for name, e in vehicle.fit_errors.items()},
+        'description': vehicle.description,
+    }
+
+
+def _fit_error(vehicle: 'Vehicle') -> str:
+    """Return the largest errors of the lift and drag of a table."""
+    errors = {name: e for name, e in vehicle.fit_errors.items() if name in ('CL', 'CD')}
+    told = [f'{name} {e.largest:.1e}{" rel." * e.relative}' for name, e in errors.items()]
+    return ', '.join(told) or '-'
 
 
 def _print_table(rows: Sequence[tuple[str, str]]) -> None:

@@ -40,8 +40,20 @@ def test_plan_prints_the_document_as_json(capsys: pytest.CaptureFixture[str]) ->
     document = json.loads(capsys.readouterr().out)
     assert set(PLAN_KEYS) <= set(document)
     assert document['verified'] is True
-    assert document['nodes'] == 40
     assert len(document['time']) == len(document['states']['x_e']) > 40
+
+
+def test_plan_from_several_starts_lists_the_optima(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ['--set', 'nodes=20', '--set', 'final.theta=[-7, 7]', '--multistart', '4']
+    assert main(['plan', 'quadcopter_flip', *arguments, '--seed', '3', '--json']) == 0
+    document = json.loads(capsys.readouterr().out)
+    optima = document['optima']
+    assert optima[0]['objective'] == document['objective']
+    assert [each['objective'] for each in optima] == sorted(each['objective'] for each in optima)
+    assert len(document['arcs']) > 1
+    assert main(['plan', 'quadcopter_flip', *arguments]) == 0
+    assert 'optimum 1' in capsys.readouterr().out
+    assert main(['plan', 'quadcopter_flip', '--multistart', '0']) == 2
 
 
 def test_plan_writes_every_format(tmp_path: Path) -> None:
@@ -115,8 +127,21 @@ def test_models_lists_the_family(capsys: pytest.CaptureFixture[str]) -> None:
     rows = {row['class']: row for row in json.loads(capsys.readouterr().out)}
     assert rows['DynamicsRigidBody2DBody']['controls'] == ['Fx_b', 'Fz_b', 'My_b']
     assert main(['models']) == 0
+
+
+def test_vehicles_are_listed_with_the_errors_of_their_fits(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert main(['vehicles']) == 0
-    assert 'quadcopter' in capsys.readouterr().out
+    lines = {line.split()[0]: line for line in capsys.readouterr().out.splitlines()}
+    assert ' - ' in lines['quadcopter'] and 'CD 6.5e-04 rel.' in lines['cessna152']
+    assert main(['vehicles', 'cessna152', '--json']) == 0
+    (row,) = json.loads(capsys.readouterr().out)
+    assert row['fit_errors']['CD']['samples'] == 200 and row['rates'] == {}
+    assert main(['vehicles', 'rocket', 'balloon']) == 0
+    assert 'states z_e w_e mass' in capsys.readouterr().out
+    assert main(['vehicles', 'cesna152']) == 2
+    assert 'cessna152' in capsys.readouterr().err
 
 
 def test_unconverged_plan_exits_3_with_the_last_iterate_marked(
@@ -125,8 +150,10 @@ def test_unconverged_plan_exits_3_with_the_last_iterate_marked(
     path = tmp_path / 'plan.json'
     arguments = ['--set', 'duration.upper=0.5', '--set', 'duration.guess=0.4', '-o', str(path)]
     assert main(['plan', 'quadcopter_flip', *arguments]) == 3
-    assert 'loosen bounds' in capsys.readouterr().err
-    assert json.loads(path.read_text())['converged'] is False
+    assert 'no flight was found that keeps all conditions' in capsys.readouterr().err
+    document = json.loads(path.read_text())
+    assert document['converged'] is False
+    assert document['missed'][0].keys() == {'quantity', 'time', 'value', 'bound', 'amount'}
 
 
 def test_unverified_plan_exits_4(capsys: pytest.CaptureFixture[str]) -> None:

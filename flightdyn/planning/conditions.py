@@ -1,6 +1,7 @@
 """The numbers of a problem on a layout: bounds, scales and guess of every variable."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,8 @@ from .mesh import Mesh
 from .problem import UNBOUNDED, Bounds, Problem
 
 Array = NDArray[np.float64]
+
+LEAST_DURATION = 1e-2  # of what is asked for, and 100 times that, where it may be missed
 
 
 def structure(problem: Problem, mesh: Mesh) -> Structure:
@@ -41,7 +44,60 @@ def structure(problem: Problem, mesh: Mesh) -> Structure:
 
 
 def bounds(problem: Problem, layout: Layout) -> tuple[Array, Array]:
-    """Return lower and upper bounds of the variables, in SI units."""
+    """Return lower and upper bounds of the variables, in SI units.
+
+    Soft variables keep to what the vehicle can do; their companions to what is asked for.
+    """
+    limits = _bounds(problem, layout)
+    soft = [variable for variable, _ in layout.structure.soft]
+    if soft:
+        limits[layout.companions] = limits[soft]
+        limits[soft] = _bounds(without_conditions(problem), layout)[soft]
+        for places in (layout.above, layout.below):
+            limits[places, 0] = 0.0
+    return limits[:, 0], limits[:, 1]
+
+
+def without_conditions(problem: Problem) -> Problem:
+    """Return a problem that asks for nothing, but to begin in the state that it does."""
+    states = problem.stage.states
+    initial = {name: bounds for name, bounds in problem.initial.items() if name in states}
+    duration = (LEAST_DURATION * problem.duration[0], problem.duration[1] / LEAST_DURATION)
+    if not problem.phases:
+        return replace(problem, initial=initial, final={}, path={}, duration=duration)
+    phases = [
+        replace(
+            phase,
+            initial={},
+            final={},
+            path={},
+            duration=(LEAST_DURATION * phase.duration[0], phase.duration[1] / LEAST_DURATION),
+        )
+        for phase in problem.phases
+    ]
+    return replace(problem, initial=initial, final={}, path={}, duration=duration, phases=phases)
+
+
+def soft_conditions(
+    problem: Problem, layout: Layout, scale: Array
+) -> tuple[tuple[int, float], ...]:
+    """Return the variables that a problem has conditions for, and a price for missing each.
+
+    What is asked for along the path counts by its mean.
+    """
+    asked, hard = _bounds(problem, layout), _bounds(without_conditions(problem), layout)
+    variables = np.flatnonzero((asked != hard).any(axis=1))
+    kinds = [str(layout.kinds[v]) for v in variables]
+    counts = {kind: kinds.count(kind) for kind in kinds}
+    ends = {*layout.nodes[:, layout.mesh.edges].ravel().tolist(), *layout.durations.tolist()}
+    return tuple(
+        (int(v), 1 / scale[v] / (1 if int(v) in ends else counts[kind]))
+        for v, kind in zip(variables, kinds, strict=True)
+    )
+
+
+def _bounds(problem: Problem, layout: Layout) -> Array:
+    """Return lower and upper bounds of the variables (size, 2), none of them soft."""
     mesh, legs = layout.mesh, problem.legs
     limits = np.empty((layout.size, 2))
     limits[:] = UNBOUNDED
@@ -78,7 +134,7 @@ def bounds(problem: Problem, layout: Layout) -> tuple[Array, Array]:
             keep(variable, leg.final.get(each.name, UNBOUNDED))
     for row, name in enumerate(layout.structure.rated):
         keep(layout.rates[row], (-problem.vehicle.rates[name], problem.vehicle.rates[name]))
-    return limits[:, 0], limits[:, 1]
+    return limits
 
 
 def guess(problem: Problem, layout: Layout) -> Array:
@@ -104,6 +160,8 @@ def guess(problem: Problem, layout: Layout) -> Array:
     durations = guess_durations(problem)
     values[layout.durations] = durations
     values[layout.total] = durations.sum()
+    soft = [variable for variable, _ in layout.structure.soft]
+    values[layout.companions] = values[soft]
     return values
 
 
@@ -121,23 +179,19 @@ def scales(problem: Problem, layout: Layout) -> Array:
             known += [*problem.limits(name, i)]
             known += guess_columns(problem, (name,), i, fractions).ravel().tolist()
         sizes[name] = _size(known)
-    for each in layout.bounded:
-        leg = legs[each.phase]
-        sizes.setdefault(
-            each.name,
-            _size(
-                [
-                    *_numbers(each.name, (leg.initial, leg.final)),
-                    *problem.limits(each.name, each.phase),
-                ]
-            ),
-        )
+    for name, phase in dict.fromkeys((each.name, each.phase) for each in layout.bounded):
+        if name not in sizes:
+            ends = _numbers(name, (legs[phase].initial, legs[phase].final))
+            sizes[name] = _size([*ends, *problem.limits(name, phase)])
     scale = np.array([sizes.get(kind, 1.0) for kind in layout.kinds])
     durations = guess_durations(problem)
     for row, name in enumerate(layout.structure.rated):
         scale[layout.rates[row]] = problem.vehicle.rates[name]
     scale[layout.durations] = durations
     scale[layout.total] = durations.sum()
+    soft = [variable for variable, _ in layout.structure.soft]
+    for places in (layout.companions, layout.above, layout.below):
+        scale[places] = scale[soft]
     return scale
 
 

@@ -30,9 +30,9 @@ class Structure:
         Bounded at its beginning and at its end alone: (first, last).
     rated : names of controls
         Whose rates are limited.
-    soft : bool
-        Whether conditions may be missed at a price: bounds of variables are then kept by
-        companions, see `Layout.companions`.
+    soft : pairs (variable, price)
+        Conditions that may be missed: a companion keeps the bounds of each of these variables,
+        and what the variable is off is paid for, by so much a unit (SI).
     """
 
     mesh: Mesh
@@ -42,7 +42,7 @@ class Structure:
     along: tuple[tuple[str, ...], ...] = ((),)
     ends: tuple[tuple[tuple[str, ...], tuple[str, ...]], ...] = (((), ()),)
     rated: tuple[str, ...] = ()
-    soft: bool = False
+    soft: tuple[tuple[int, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Layout:
 
     In order: states at the nodes, states at points inside intervals, controls, bounded outputs,
     rates of controls, integrals, the duration of each phase, the duration of all of them if there
-    are several.
+    are several; of soft conditions the companions, and how far above and below them.
 
     Attributes
     ----------
@@ -82,6 +82,7 @@ class Layout:
     durations : int array (phases,)
     total : int
         The variable that is the duration of all phases.
+    companions, above, below : int array (soft,)
     size : int
     """
 
@@ -106,6 +107,9 @@ class Layout:
         self.durations = self._take(len(mesh.cuts))
         several = len(mesh.cuts) > 1
         self.total = int(self._take(1)[0]) if several else int(self.durations[0])
+        self.companions, self.above, self.below = (
+            self._take(len(structure.soft)) for _ in range(3)
+        )
         self.size = self._first
 
     def _take(self, *shape: int) -> Index:
@@ -163,6 +167,8 @@ class Layout:
         kinds[self.integrals] = 'objective'
         kinds[self.durations] = 'duration'
         kinds[self.total] = 'duration'
+        for places in (self.companions, self.above, self.below):
+            kinds[places] = kinds[[variable for variable, _ in self.structure.soft]]
         return kinds
 
     def fraction(self, variable: int) -> tuple[int, float] | None:

@@ -14,7 +14,8 @@ from .report import Plan
 KEYS = (
     *('problem', 'vehicle', 'model', 'converged', 'verified', 'status', 'message', 'objective'),
     *('final_time', 'iterations', 'wall_s', 'build_s', 'nodes', 'transcription', 'verification'),
-    *('constraint_violation', 'warnings', 'control_interpolation', 'wind_ned'),
+    *('constraint_violation', 'warnings', 'arcs', 'remedies', 'missed', 'optima'),
+    *('control_interpolation', 'wind_ned'),
     *('time', 'states', 'controls', 'outputs'),
 )
 
@@ -30,6 +31,10 @@ def plan_document(plan: Plan) -> dict[str, Any]:
         'model': trajectory.model,
         'control_interpolation': trajectory.control_interpolation,
         'wind_ned': list(plan.wind_ned),
+        'optima': [
+            {'objective': each.report.objective, 'final_time': each.report.final_time}
+            for each in (plan, *plan.others)
+        ],
         'time': trajectory.time.tolist(),
     }
     for group in ('states', 'controls', 'outputs'):

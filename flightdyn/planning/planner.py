@@ -1,41 +1,31 @@
 """From a problem to a verified plan."""
 
-import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..errors import ResultCode
-from . import conditions
-from .layout import Layout
-from .mesh import ORDERS, Mesh, Method
-from .problem import MAX_NODES, Problem
-from .programme import Attempt, Programmes
-from .report import Plan, PlanReport, message_of, trajectory_of
-from .samples import Path, between, path
-from .solver import Multipliers, OnIteration
-from .verify import Verification, compare, overshoots, refly
+from .problem import Problem
+from .programme import Programmes
+from .refinement import first_mesh, strategy_of
+from .remedies import missed, perturbed, softened, without_soft
+from .report import Plan
+from .run import Checked, Run
+from .solver import OnIteration
 
-Array = NDArray[np.float64]
-
-MAX_SUBSTEPS = 16
-MAX_PARTS = 4  # that an interval is cut into at a time
-MAX_REFINEMENTS = 8
 MAX_KEPT = 32  # programmes
-
-
-@dataclass(frozen=True)
-class Checked:
-    """An attempt, what it means over time, and what came of flying it again."""
-
-    attempt: Attempt
-    way: Path
-    states: Array
-    misses: Array
-    verification: Verification | None
+MAX_OPTIMA = 8  # that several starts are followed to
+SAME = 1e-3  # of the objective: optima on a first mesh that are one
+OTHER_GUESSES = 2
+MAX_TRIED = 150  # iterations of a remedy; those that help need far fewer
+REMEDIES = (
+    'nearest flight',
+    'another barrier rule',
+    *(f'another guess ({number + 1})' for number in range(OTHER_GUESSES)),
+)
+"""What is tried in turn. The nearest flight is the one that comes as near to all conditions as it
+can: if it keeps them it is where the next solve starts, else it tells which ones conflict."""
 
 
 class Planner:
@@ -49,6 +39,8 @@ class Planner:
         problem: Problem,
         *,
         near: Plan | None = None,
+        multistart: int | None = None,
+        seed: int = 0,
         on_iteration: OnIteration | None = None,
         should_stop: Callable[[], bool] | None = None,
     ) -> Plan:
@@ -56,267 +48,116 @@ class Planner:
 
         The mesh is refined, and the problem solved again from where it stands, until the plan,
         flown again, is within the tolerance: intervals are cut where they are off, or, in
-        multiple shooting, all get twice the substeps.
+        multiple shooting, all get twice the substeps. A bang-bang plan is planned again with its
+        switches free. What is tried when a solve fails, in this order, is in `REMEDIES`.
+
+        The same problem and arguments give the same plan, whatever was planned before.
 
         Parameters
         ----------
         near : Plan
             Of a problem that differs in values alone (boundary values, bounds, wind): the solve
-            starts from its solution, multipliers included. Otherwise it depends on nothing but
-            the problem.
+            starts from its solution, multipliers included.
+        multistart : int
+            How many guesses to start from, the problem's own first; as the problem says unless
+            given. The best plan is returned, other local optima are in `Plan.others`.
+        seed : int
+            Of the other guesses.
         on_iteration : function of an Iteration
             Called after each iteration, in the calling thread.
         should_stop : function returning a bool
             Asked after each iteration; True cancels.
         """
         run = Run(self._programmes, problem, on_iteration, should_stop)
-        found = run.solve(first_mesh(problem), near=near)
-        return run.finish(run.refined(found))
+        found = run.near(near) if near is not None else None
+        if found is not None:
+            return run.finish(found)
+        starts = problem.multistart if multistart is None else multistart
+        if starts > 1:
+            optima = _local_optima(run, starts, seed)
+            if optima:
+                plans = [run.finish(each) for each in optima]
+                return replace(plans[0], others=plans[1:])
+        found = run.solve(problem, first_mesh(problem))
+        missing: list[dict[str, Any]] = []
+        if _may_be_remedied(found):
+            found, missing = _remedied(run, found, seed)
+        if found.verification is not None:
+            found = run.sharpened(found) or run.refined(found)
+        return run.finish(found, missing)
 
 
-class Run:
-    """One request on its way: what it has taken so far, and its solves."""
-
-    def __init__(
-        self,
-        programmes: Programmes,
-        problem: Problem,
-        on_iteration: OnIteration | None = None,
-        should_stop: Callable[[], bool] | None = None,
-    ) -> None:
-        self.problem, self.programmes = problem, programmes
-        self.on_iteration, self.should_stop = on_iteration, should_stop
-        self.started = time.perf_counter()
-        self.build_s, self.iterations = 0.0, 0
-        self.remedies: list[str] = []
-
-    @property
-    def left(self) -> float:
-        """Wall time that is left [s]."""
-        return self.problem.max_wall_time - (time.perf_counter() - self.started)
-
-    def solve(
-        self,
-        mesh: Mesh,
-        start: Array | None = None,
-        *,
-        near: Plan | None = None,
-        strategy: str = 'monotone',
-        multipliers: Multipliers | None = None,
-        problem: Problem | None = None,
-    ) -> Checked:
-        """Return what a solve on a mesh gives, flown again if it converged."""
-        problem = problem or self.problem
-        structure = conditions.structure(problem, mesh)
-        if near is not None and near.attempt is not None:
-            same = near.attempt.structure.mesh.cuts
-            again = conditions.structure(problem, replace(near.attempt.structure.mesh, cuts=same))
-            if again == near.attempt.structure:
-                structure, start = again, near.attempt.values
-                strategy, multipliers = 'warm', near.attempt.solution.multipliers
-        before = time.perf_counter()
-        with self.programmes.borrow(repr(problem.vehicle), problem.stage, structure) as programme:
-            self.build_s += time.perf_counter() - before
-            attempt = programme.solve(
-                problem,
-                start,
-                max_wall_time=self.left,
-                strategy=strategy,
-                multipliers=multipliers,
-                on_iteration=self.on_iteration,
-                should_stop=self.should_stop,
-            )
-            self.iterations += attempt.solution.iterations
-            return self._check(problem, attempt, programme.transcription)
-
-    def _check(self, problem: Problem, attempt: Attempt, transcription: Any) -> Checked:
-        layout, stage = attempt.layout, problem.stage
-        limits = np.array([problem.limits(name) for name in stage.controls]).reshape(-1, 2)
-        way = path(layout, attempt.values, problem.wind_ned, limits)
-        states, misses = between(stage, way)
-        verification = None
-        if attempt.solution.code == ResultCode.SUCCESS:
-            flying, costs = transcription.flying, transcription.costs
-            start = np.concatenate([way.states[:, 0], np.zeros(costs.count)])
-            flown = refly(flying, start, way, problem.tolerance)
-            more = {}
-            if costs.count:
-                more['objective'] = _objective_error(attempt, transcription, way, flown)
-            verification = compare(stage.states, way, flown, more)
-        return Checked(attempt, way, states, misses, verification)
-
-    def refined(self, found: Checked) -> Checked:
-        """Return the same on a mesh on which it is within the tolerance, or the last one."""
-        if not self.problem.refine:
-            return found
-        for _ in range(MAX_REFINEMENTS):
-            verification = found.verification
-            if verification is None or verification.worst <= self.problem.tolerance:
-                return found
-            mesh = finer(found, self.problem.tolerance)
-            if mesh is None:
-                return found
-            start = resampled(
-                found.attempt,
-                Layout(
-                    self.problem.stage.states,
-                    self.problem.stage.controls,
-                    found.attempt.layout.integrals.size,
-                    conditions.structure(self.problem, mesh),
-                ),
-            )
-            again = self.solve(mesh, start, strategy='near')
-            if again.verification is None:
-                return found if again.attempt.solution.code == ResultCode.INFEASIBLE else again
-            found = again
-        return found
-
-    def finish(self, found: Checked) -> Plan:
-        """Return the plan."""
-        problem, attempt, verification = self.problem, found.attempt, found.verification
-        code = attempt.solution.code
-        verified = verification is not None and verification.worst <= problem.tolerance
-        if code == ResultCode.SUCCESS and not verified:
-            code = ResultCode.NOT_VERIFIED
-        trajectory = trajectory_of(problem, found.way, found.states)
-        report = PlanReport(
-            code=code,
-            converged=attempt.solution.code == ResultCode.SUCCESS,
-            verified=verified,
-            status=attempt.solution.status,
-            message=message_of(code, problem, attempt, verification),
-            objective=float(np.nan_to_num(attempt.objective)),
-            final_time=float(trajectory.time[-1]),
-            iterations=self.iterations,
-            wall_s=time.perf_counter() - self.started,
-            build_s=self.build_s,
-            nodes=attempt.structure.mesh.intervals,
-            transcription=str(attempt.structure.mesh),
-            verification=verification.errors if verification else {},
-            constraint_violation=attempt.solution.violation,
-            warnings=self._warnings(found, trajectory),
-            remedies=self.remedies,
-        )
-        return Plan(trajectory, report, tuple(map(float, problem.wind_ned)), attempt=attempt)
-
-    def _warnings(self, found: Checked, trajectory: Any) -> list[str]:
-        if found.verification is None:
-            return []
-        said = []
-        if found.attempt.solution.status == 'Solved_To_Acceptable_Level':
-            said.append('solved to a looser tolerance than asked for')
-        edges = np.concatenate(
-            [[0.0], np.cumsum(found.attempt.values[found.attempt.layout.durations])]
-        )
-        for leg in range(len(self.problem.legs)):
-            inside = (trajectory.time >= edges[leg]) & (trajectory.time <= edges[leg + 1])
-            columns = {name: v[inside] for name, v in trajectory.columns.items()}
-            said += overshoots(
-                trajectory.time[inside], columns, self.problem.bounded(leg), self.problem.tolerance
-            )
-        return said
-
-
-def _objective_error(
-    attempt: Attempt, transcription: Any, way: Path, flown: Array
-) -> tuple[float, float]:
-    """Return how far an objective's integrals are off, in its terms, and what they amount to."""
-    layout, costs = attempt.layout, transcription.costs
-    values = attempt.values
-    ends = np.concatenate(
-        [
-            values[layout.nodes[:, 0]],
-            values[layout.steering[:, 0, 0]],
-            values[layout.nodes[:, -1]],
-            values[layout.steering[:, -1, -1]],
-            values[layout.durations],
-        ]
-    )
-    sums = flown[-costs.count :, -1]
-    found, none = (
-        float(costs.cost(np.concatenate([ends, each]), way.wind))
-        for each in (sums, np.zeros_like(sums))
-    )
-    return abs(found - attempt.objective), abs(found - none) or 1.0
-
-
-def method_of(problem: Problem) -> Method:
-    """Return the transcription that a problem asks for, or that suits it."""
-    if problem.transcription != 'auto':
-        return problem.transcription
-    return 'multiple_shooting' if problem.control_interpolation == 'previous' else 'radau'
-
-
-def first_mesh(problem: Problem) -> Mesh:
-    """Return the mesh that a problem is first solved on."""
-    return Mesh.of(
-        [leg.nodes for leg in problem.legs],
-        method_of(problem),
-        problem.control_interpolation,
-        spacing=problem.spacing,
+def _may_be_remedied(found: Checked) -> bool:
+    return found.attempt.solution.code in (
+        ResultCode.INFEASIBLE,
+        ResultCode.ITERATION_LIMIT,
+        ResultCode.INTERNAL,
     )
 
 
-def finer(found: Checked, tolerance: float) -> Mesh | None:
-    """Return a mesh with shorter steps where a plan is off; None if it cannot be finer."""
-    mesh = found.attempt.structure.mesh
-    assert found.verification is not None
-    if mesh.shooting:
-        substeps = 2 * mesh.substeps
-        return replace(mesh, substeps=substeps) if substeps <= MAX_SUBSTEPS else None
-    # how far each interval is off by itself; flown in a row these add up, or grow
-    each = np.abs(found.misses) / found.way.ranges[:, None]
-    local = np.zeros(mesh.intervals)
-    np.maximum.at(local, found.way.interval, np.nan_to_num(each.max(axis=0), nan=1.0))
-    growth = max(found.verification.worst / max(local.sum(), 1e-300), 1.0)
-    wanted = 0.5 * tolerance / (growth * mesh.intervals)
-    order = ORDERS[mesh.method] + 1
-    parts = np.ceil((local / wanted) ** (1 / order))
-    parts = np.clip(np.nan_to_num(parts, nan=MAX_PARTS), 1, MAX_PARTS).astype(int)
-    if parts.max() == 1:
-        parts[int(np.argmax(local))] = 2
-    return mesh.split(parts.tolist()) if parts.sum() <= MAX_NODES else None
+def _remedied(run: Run, first: Checked, seed: int) -> tuple[Checked, list[dict[str, Any]]]:
+    """Return what a remedy gave, or the first attempt and the conditions that cannot be met."""
+    problem, mesh = run.problem, first.attempt.structure.mesh
+    missing: list[dict[str, Any]] = []
+    nearest: Checked | None = None
+
+    def barrier() -> Checked:
+        other = 'adaptive' if strategy_of(mesh) == 'monotone' else 'monotone'
+        return run.solve(problem, mesh, strategy=other, most_iterations=MAX_TRIED)
+
+    def from_nearest() -> Checked:
+        nonlocal missing, nearest
+        free, structure = softened(problem, first.attempt)
+        nearest = run.solve(free, mesh, structure=structure)
+        if nearest.verification is None:
+            return nearest
+        missing = missed(nearest.attempt)
+        if missing:
+            return nearest
+        return run.solve(problem, mesh, without_soft(nearest.attempt, first.attempt.layout.size))
+
+    def another(number: int) -> Checked:
+        guessed = perturbed(problem, seed + number)
+        return run.solve(guessed, mesh, most_iterations=MAX_TRIED)
+
+    tries: tuple[Callable[[], Checked], ...] = (
+        from_nearest,
+        barrier,
+        *(partial(another, number) for number in range(1, OTHER_GUESSES + 1)),
+    )
+    for name, attempt in zip(REMEDIES, tries, strict=True):
+        run.remedies.append(name)
+        found = attempt()
+        solved = found.verification is not None and not found.attempt.structure.soft
+        if solved or found.attempt.solution.code in (ResultCode.CANCELLED, ResultCode.TIME_LIMIT):
+            return found, []
+    if missing and nearest is not None:
+        # what is handed out is a flight, if not the one asked for
+        solution = replace(nearest.attempt.solution, code=ResultCode.INFEASIBLE)
+        status = replace(solution, status=first.attempt.solution.status)
+        flight = replace(nearest.attempt, solution=status, objective=first.attempt.objective)
+        return replace(nearest, attempt=flight, verification=None), missing
+    return first, []
 
 
-def resampled(attempt: Attempt, layout: Layout) -> Array:
-    """Return an attempt's variables (SI) at the places of another layout of the same phases."""
-    old, mesh = attempt.layout, layout.mesh
-    values = np.zeros(layout.size)
-    values[layout.durations] = attempt.values[old.durations]
-    values[layout.total] = attempt.values[old.total]
-    values[layout.integrals] = attempt.values[old.integrals]
-
-    def places(of: Mesh, positions: Array) -> Array:
-        at = of.phase + of.begin + positions[:, None] * of.length
-        return at.ravel(order='F')
-
-    inner = np.concatenate([[0.0], old.mesh.points[:-1]])
-    at = np.concatenate([places(old.mesh, inner), [len(mesh.cuts)]])
-    states = np.concatenate([old.nodes[:, None, :-1], old.inside], axis=1)
-    states = np.column_stack([states.reshape(states.shape[0], -1, order='F'), old.nodes[:, -1]])
-    steering = old.steering.reshape(old.steering.shape[0], -1, order='F')
-    steered_at = places(old.mesh, old.mesh.control_positions)
-
-    def fill(variables: Any, positions: Array, known: Any, known_at: Array) -> None:
-        where = places(mesh, positions)
-        for row in range(known.shape[0]):
-            column = np.interp(where, known_at, attempt.values[known[row]])
-            values[variables[row].ravel(order='F')] = column
-
-    fill(layout.inside, mesh.points[:-1], states, at)
-    fill(layout.nodes[:, None, :-1], np.zeros(1), states, at)
-    fill(layout.nodes[:, None, 1:], np.ones(1), states, at)
-    fill(layout.steering, mesh.control_positions, steering, steered_at)
-    outputs = {
-        name: [v for v, each in zip(old.outputs, old.bounded, strict=True) if each.name == name]
-        for name in {each.name for each in old.bounded}
-    }
-    for variable, each in zip(layout.outputs, layout.bounded, strict=True):
-        known = outputs.get(each.name, [])
-        there = [old.fraction(v) for v in known]
-        column = [attempt.values[v] for v in known]
-        mine = each.phase + mesh.begin[each.interval] + each.position * mesh.length[each.interval]
-        order = np.argsort([a[0] + a[1] for a in there if a is not None])
-        times = np.array([a[0] + a[1] for a in there if a is not None])[order]
-        values[variable] = np.interp(mine, times, np.array(column)[order]) if known else 0.0
-    return values
+def _local_optima(run: Run, starts: int, seed: int) -> list[Checked]:
+    """Return the distinct plans found from several guesses, the best first."""
+    problem = run.problem
+    found: list[Checked] = []
+    for number in range(starts):
+        guessed = perturbed(problem, seed + number) if number else problem
+        each = run.solve(guessed, first_mesh(problem))
+        if each.attempt.solution.code in (ResultCode.CANCELLED, ResultCode.TIME_LIMIT):
+            break
+        if each.verification is not None:
+            found.append(each)
+    sign = problem.objective.sign
+    found.sort(key=lambda each: sign * each.attempt.objective)
+    distinct: list[Checked] = []
+    for each in found:
+        value = each.attempt.objective
+        if all(abs(value - o.attempt.objective) > SAME * max(abs(value), 1e-9) for o in distinct):
+            distinct.append(each)
+    best = [run.sharpened(each) or run.refined(each) for each in distinct[:MAX_OPTIMA]]
+    best = [each for each in best if each.within(problem.tolerance)]
+    return sorted(best, key=lambda each: sign * each.attempt.objective)

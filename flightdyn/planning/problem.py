@@ -3,7 +3,7 @@
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -38,10 +38,12 @@ MAX_STAGES = 16
 MAX_NODES = 5000
 UNBOUNDED = (-math.inf, math.inf)
 MAX_PHASES = 50
+MAX_STARTS = 1000
 CONDITIONS = ('duration', 'initial', 'final', 'path', 'guess', 'nodes')
 KEYS = (
     *('description', 'vehicle', 'model', 'objective', 'phases', *CONDITIONS),
     *('wind_ned', 'control_interpolation', 'transcription', 'spacing', 'refine', 'sharpen'),
+    'multistart',
     *('tolerance', 'max_wall_time'),
 )
 CHOICES: Mapping[str, tuple[str, ...]] = {
@@ -109,6 +111,8 @@ class Problem:
         By itself multiple shooting for held controls, Radau collocation for linear ones.
     spacing : 'uniform', 'cosine', or pairs, see `mesh.spaced`
         Of the first mesh.
+    multistart : int
+        How many guesses plans start from, see `Planner.plan`.
     refine : bool
         Whether the mesh is refined until the plan, flown again, is within the tolerance.
     sharpen : bool
@@ -142,6 +146,7 @@ class Problem:
     control_interpolation: ControlInterpolation = 'previous'
     transcription: Method | Literal['auto'] = 'auto'
     spacing: Spacing = 'uniform'
+    multistart: int = 1
     refine: bool = True
     sharpen: bool = True
     tolerance: float = 1e-4
@@ -156,7 +161,7 @@ class Problem:
             for group in ('path', 'initial', 'final'):
                 self._check_bounds(f'{where}{group}', getattr(leg, group), leg)
         if self.objective != TIME:
-            trace(self.objective, self.stage, [1.0] * len(self.stage.controls), self.phase_names)
+            _check_objective(self.objective, self.stage, self.phase_names)
         lower, upper = self.duration
         if not (0 < lower <= upper < math.inf):
             raise InputError(
@@ -178,6 +183,10 @@ class Problem:
                 raise InputError(f'{self.name}: {key}: must be true or false')
         if not 1 <= self.nodes <= MAX_NODES:
             raise InputError(f'{self.name}: nodes must be 1 to {MAX_NODES}, got {self.nodes}')
+        if not 1 <= self.multistart <= MAX_STARTS:
+            raise InputError(
+                f'{self.name}: multistart must be 1 to {MAX_STARTS}, got {self.multistart}'
+            )
         if not 1e-12 <= self.tolerance <= 1:
             raise InputError(f'{self.name}: tolerance must be 1e-12 to 1, got {self.tolerance:g}')
         if not 0 < self.max_wall_time < math.inf:
@@ -190,7 +199,7 @@ class Problem:
         """The vehicle's physics."""
         return self.vehicle.model()
 
-    @property
+    @cached_property
     def stage(self) -> Stage:
         """The vehicle's traced physics."""
         return _stage(self.vehicle)
@@ -368,6 +377,12 @@ class Problem:
         )
 
 
+@lru_cache(maxsize=64)
+def _check_objective(objective: Objective, stage: Stage, phases: tuple[str, ...]) -> None:
+    """Refuse a formula with names that the stage and the phases do not have."""
+    trace(objective, stage, [1.0] * len(stage.controls), phases)
+
+
 def _tightened(outer: Bounds, inner: Bounds) -> Bounds:
     """Return bounds that keep both."""
     both = {k: _common(outer[k], inner[k]) for k in inner if k in outer}
@@ -433,6 +448,10 @@ def _problem(path: Path, document: dict[str, Any], config_dir: str | Path | None
     chosen = {
         key: document[key] for key in (*CHOICES, 'spacing', 'refine', 'sharpen') if key in document
     }
+    if 'multistart' in document:
+        chosen['multistart'] = whole_number(
+            document['multistart'], f'{path}: multistart', lower=1, upper=MAX_STARTS
+        )
     for key in ('tolerance', 'max_wall_time'):
         chosen[key] = number(document.get(key, defaults[key].default), f'{path}: {key}')
     return Problem(

@@ -28,6 +28,8 @@ class Attempt:
 
     Parameters
     ----------
+    problem : Problem
+        What was solved: in arcs, or as it was given.
     structure : Structure
     layout : Layout
     solution : Solution
@@ -37,12 +39,15 @@ class Attempt:
     lower, upper : (size,)
         Their bounds in SI units.
     scale : (size,)
+    multipliers : Multipliers
+        Of bounds and constraints in SI units, of a cost in the user's.
     subject : int array (rows,)
         The variable that each constraint is about.
     objective : float
         In the user's units and sign.
     """
 
+    problem: Problem
     structure: Structure
     layout: Layout
     solution: Solution
@@ -50,6 +55,7 @@ class Attempt:
     lower: Array
     upper: Array
     scale: Array
+    multipliers: Multipliers
     subject: NDArray[np.int64]
     objective: float
 
@@ -101,6 +107,7 @@ class Programme:
         max_wall_time: float,
         strategy: str = 'monotone',
         multipliers: Multipliers | None = None,
+        most_iterations: int | None = None,
         on_iteration: OnIteration | None = None,
         should_stop: Callable[[], bool] | None = None,
     ) -> Attempt:
@@ -110,6 +117,8 @@ class Programme:
         ----------
         start : (size,)
             Variables in SI units to start from, instead of the problem's guess.
+        multipliers : Multipliers
+            As an `Attempt` has them.
         """
         layout, subject = self.layout, self.transcription.subject
         lower, upper = conditions.bounds(problem, layout)
@@ -132,11 +141,13 @@ class Programme:
             given,
             max_wall_time=max_wall_time,
             strategy=strategy,
-            multipliers=multipliers,
+            multipliers=multipliers and multipliers.scaled(scale / price, scale[subject] / price),
+            most_iterations=most_iterations,
             on_iteration=_in_units(on_iteration, sign * price),
             should_stop=should_stop,
         )
         return Attempt(
+            problem=problem,
             structure=self.structure,
             layout=layout,
             solution=solution,
@@ -144,6 +155,7 @@ class Programme:
             lower=lower,
             upper=upper,
             scale=scale,
+            multipliers=solution.multipliers.scaled(price / scale, price / scale[subject]),
             subject=subject,
             objective=sign * price * solution.cost,
         )

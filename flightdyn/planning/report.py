@@ -1,5 +1,6 @@
 """Plans and what is said of them."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -100,7 +101,11 @@ def trajectory_of(problem: Problem, way: Path, states: Array) -> Trajectory:
 
 
 def message_of(
-    code: ResultCode, problem: Problem, attempt: Attempt, verification: Verification | None
+    code: ResultCode,
+    problem: Problem,
+    attempt: Attempt,
+    verification: Verification | None,
+    missing: Sequence[Mapping[str, Any]] = (),
 ) -> str:
     """Return what happened in one sentence and, after a failure, what to change."""
     nodes = attempt.structure.mesh.intervals
@@ -127,6 +132,10 @@ def message_of(
             f'{status}: the model gives values that are not numbers; keep the guess and the path '
             'bounds away from where it is singular'
         )
+    if missing:
+        return f'{status}: no flight was found that keeps all conditions; in the nearest one ' + (
+            f'{in_words(missing)}; loosen these, or give a better guess'
+        )
     gap = _conflict(attempt) + _in_force(attempt)
     advice = {
         ResultCode.INFEASIBLE: 'loosen bounds or duration, or give a better guess',
@@ -134,6 +143,19 @@ def message_of(
         ResultCode.BAD_REQUEST: 'free some of the fixed values',
     }.get(code, 'try another guess or number of nodes')
     return f'{status}: {gap}; {advice}'
+
+
+def in_words(missing: Sequence[Mapping[str, Any]]) -> str:
+    """Return in words which conditions are missed, and by how much."""
+    parts = []
+    for each in missing[:MAX_NAMED]:
+        at = '' if each['time'] is None else f' at {each["time"]:.3g} s'
+        side = 'below' if each['value'] < each['bound'] else 'above'
+        parts.append(
+            f'{each["quantity"]}{at} is {each["value"]:.4g}, '
+            f'{each["amount"]:.3g} {side} {each["bound"]:.4g}'
+        )
+    return '; '.join(parts)
 
 
 def _conflict(attempt: Attempt) -> str:

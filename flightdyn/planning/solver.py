@@ -26,8 +26,10 @@ OPTIONS: dict[str, Any] = {
 }
 STRATEGIES: dict[str, dict[str, Any]] = {
     'monotone': {},
-    'adaptive': {'ipopt.mu_strategy': 'adaptive'},
+    'adaptive': {'ipopt.mu_strategy': 'adaptive', 'ipopt.mu_oracle': 'probing'},
     'near': {
+        'ipopt.mu_strategy': 'adaptive',
+        'ipopt.mu_oracle': 'probing',
         'ipopt.mu_init': 1e-4,
         'ipopt.bound_mult_init_method': 'mu-based',
         'ipopt.bound_push': 1e-5,
@@ -36,6 +38,7 @@ STRATEGIES: dict[str, dict[str, Any]] = {
     'warm': {
         'ipopt.warm_start_init_point': 'yes',
         'ipopt.mu_init': 1e-4,
+        'ipopt.mu_strategy': 'adaptive',
         'ipopt.warm_start_bound_push': 1e-6,
         'ipopt.warm_start_bound_frac': 1e-6,
         'ipopt.warm_start_slack_bound_push': 1e-6,
@@ -43,8 +46,8 @@ STRATEGIES: dict[str, dict[str, Any]] = {
         'ipopt.warm_start_mult_bound_push': 1e-6,
     },
 }
-"""Ways of IPOPT: the barrier is lowered step by step, or as progress goes; from a solution's
-neighbourhood, multipliers included."""
+"""Ways of IPOPT: the barrier is lowered step by step, or as progress goes; from where another mesh
+left off; from a solution's neighbourhood, multipliers included."""
 
 RESULT_CODES = {
     'Solve_Succeeded': ResultCode.SUCCESS,
@@ -79,6 +82,10 @@ class Multipliers:
 
     bounds: Array
     constraints: Array
+
+    def scaled(self, bounds: Array, constraints: Array) -> 'Multipliers':
+        """Return them each times a number."""
+        return Multipliers(self.bounds * bounds, self.constraints * constraints)
 
 
 @dataclass(frozen=True)
@@ -131,6 +138,7 @@ class Solver:
         max_wall_time: float,
         strategy: str = 'monotone',
         multipliers: Multipliers | None = None,
+        most_iterations: int | None = None,
         on_iteration: OnIteration | None = None,
         should_stop: Callable[[], bool] | None = None,
     ) -> Solution:
@@ -143,6 +151,7 @@ class Solver:
         """
         nlp = self._nlp(strategy)
         watch = _Watch(nlp, lower, upper, max_wall_time, on_iteration, should_stop)
+        watch.most = most_iterations or MAX_ITERATIONS
         start: dict[str, Any] = {
             'x0': guess,
             'lbx': lower,
@@ -165,6 +174,8 @@ class Solver:
         code = RESULT_CODES.get(status, ResultCode.INTERNAL)
         if code == ResultCode.CANCELLED and watch.timed_out:
             code, status = ResultCode.TIME_LIMIT, 'Maximum_WallTime_Exceeded'
+        elif code == ResultCode.CANCELLED and watch.count > watch.most:
+            code, status = ResultCode.ITERATION_LIMIT, 'Maximum_Iterations_Exceeded'
         variables, gaps = result['x'].full().ravel(), result['g'].full().ravel()
         return Solution(
             code=code,
@@ -203,6 +214,7 @@ class _Watch:
         self.started = time.perf_counter()
         self.count = 0
         self.timed_out = False
+        self.most = MAX_ITERATIONS
         self.error: BaseException | None = None
 
     def __call__(self, x: cas.DM, objective: float, g: cas.DM) -> bool:
@@ -223,6 +235,8 @@ class _Watch:
                 )
             self.count += 1
             self.timed_out = elapsed > self.max_wall_time
+            if self.count > self.most:
+                return True
             return self.timed_out or (self.should_stop is not None and self.should_stop())
         except BaseException as error:  # it cannot pass through IPOPT: solve() raises it again
             self.error = error

@@ -51,6 +51,7 @@ class Transcription:
         self._put_out: set[int] = set()  # bounded outputs that the motion's points give
         makers = [self._motion(), *self._bounded_outputs(), *self._rates()]
         self._total_duration()
+        self._soft_conditions()
         self.rows = self._rows
         blocks = [
             Block(functions, select.elements(height), weights.elements(self._rows))
@@ -262,6 +263,15 @@ class Transcription:
             self._linear.add(row, layout.total, 1.0)
             self._linear.add(row, layout.durations, -1.0)
 
+    def _soft_conditions(self) -> None:
+        """Tie soft variables to companions: they differ by what is paid for."""
+        layout, soft = self.layout, self.structure.soft
+        variables = np.array([variable for variable, _ in soft], dtype=np.int64)
+        rows = self._new_rows(variables)
+        for places, sign in ((variables, 1), (layout.companions, -1), (layout.above, -1)):
+            self._linear.add(rows, places, sign)
+        self._linear.add(rows, layout.below, 1.0)
+
     def _cost(self) -> Cost:
         layout = self.layout
         picked = np.concatenate(
@@ -278,9 +288,12 @@ class Transcription:
         select.add(np.arange(picked.size), picked, 1.0)
         z, wind = (cas.SX.sym('zw'[i], self.costs.cost.size1_in(i)) for i in range(2))
         sign = self.structure.objective.sign
+        prices = np.zeros(layout.size)
+        for places in (layout.above, layout.below):
+            prices[places] = [price for _, price in self.structure.soft]
         function = cas.Function('cost', [z, wind], [sign * self.costs.cost(z, wind)])
         return Cost(
             differentiated(function),
             select.elements(picked.size),
-            np.zeros(layout.size),
+            prices,
         )

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as _np
 from numpy.typing import NDArray
 
-from ..config import suggestion
+from ..config import load_yaml, number, suggestion
 from ..dynamics import Dynamics
 from ..errors import InputError
 from ..numpy import Vectorizable
@@ -116,7 +116,7 @@ class TableAerodynamics(Coefficients):
 
 
 def read_table_aerodynamics(fields: Fields, context: Context) -> TableAerodynamics:
-    """Return the aerodynamics of the table that a vehicle's file names.
+    """Return the aerodynamics of the table that a vehicle's file names: .csv, .parquet or .yaml.
 
     Raises
     ------
@@ -158,9 +158,22 @@ def _fitted_file(
     controls: tuple[str, ...],
     where: str,
 ) -> dict[str, Any]:
-    table, _ = read_table(path)
+    table = _columns(path) if path.suffix in ('.yaml', '.yml') else read_table(path)[0]
     fits, errors = fit_table(table, logarithmic, controls, where)
     return {'digest': digest(table, logarithmic), 'fits': fits, 'errors': errors}
+
+
+def _columns(path: Path) -> Table:
+    """Return the columns of a YAML file of names and lists."""
+    table = {}
+    for name, values in load_yaml(path).items():
+        if not isinstance(values, list):
+            raise InputError(f"{path}: column '{name}': expected a list, got {values!r}")
+        table[str(name)] = _np.array([number(v, f"{path}: column '{name}'") for v in values])
+    if len({len(column) for column in table.values()}) > 1:
+        told = ', '.join(f'{name} {len(column)}' for name, column in table.items())
+        raise InputError(f'{path}: columns must be of one length, got {told}')
+    return table
 
 
 def digest(table: Table, logarithmic: Sequence[str]) -> str:

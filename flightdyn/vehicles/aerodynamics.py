@@ -219,7 +219,7 @@ def _increments(fields: Fields, context: Context) -> dict[str, Increment]:
         part = Fields(value, ('CL', 'CD', 'drag_area', 'control'), f'{where}.{name}')
         control = part.values.get('control')
         if control is not None:
-            check_controls([str(control)], context, part.at('control'))
+            check_controls([str(control)], context.controls, part.at('control'))
         found[name] = Increment(
             CL=part.number('CL', 0.0),
             CD=part.number('CD', 0.0),

@@ -9,6 +9,7 @@ from ..dynamics import FAMILY, Dynamics, MassProperties
 from ..dynamics.stage import Model
 from ..errors import InputError
 from ..numpy import Vectorizable
+from .aero_table import FitError, TableAerodynamics
 from .aerodynamics import Aerodynamics
 from .propulsion import Propulsion, Rotor
 
@@ -45,13 +46,17 @@ class Vehicle:
     limits : mapping of name to (lower, upper)
         What the vehicle stands, for planners to keep: states and outputs of the stage by name.
         Those of extra states are always there.
+    rates : mapping of control name to float
+        How fast a control can change at most, either way: its unit per second, degrees per
+        second of alpha and beta. Controls that are not named change at once.
     geometry : mapping
         `kind` and dimensions for drawing.
 
     Raises
     ------
     InputError
-        If there is no such class, it needs inertia that is missing, or a control's name is taken.
+        If there is no such class, it needs inertia that is missing, a control's name is taken,
+        or a rate is of no control or not positive.
     """
 
     name: str
@@ -83,11 +88,24 @@ class Vehicle:
         for name in taken:
             if taken.count(name) > 1:
                 raise InputError(f"{self.name}: two controls have the name '{name}'")
+        for name, rate in self.rates.items():
+            if name not in taken:
+                raise InputError(
+                    f"{self.name}: rates: '{name}' is not among the vehicle's controls"
+                    + (suggestion(name, taken) if taken else '')
+                )
+            if not rate > 0:
+                raise InputError(f'{self.name}: rates.{name}: must be positive, got {rate:g}')
 
     @property
     def box(self) -> dict[str, tuple[float, float]]:
         """Ranges by name within which the aerodynamics are known; see `Aerodynamics.box`."""
         return {} if self.aerodynamics is None else self.aerodynamics.box
+
+    @property
+    def fit_errors(self) -> Mapping[str, FitError]:
+        """How far the fits of a table are off it, by coefficient; empty without a table."""
+        return self.aerodynamics.errors if isinstance(self.aerodynamics, TableAerodynamics) else {}
 
     def with_model(self, model_name: str) -> 'Vehicle':
         """Return the vehicle flown by another class of the Dynamics family.
@@ -146,6 +164,9 @@ class Vehicle:
             *_ranges('controls', model.controls),
             *_ranges('limits', self.limits),
         ]
+        if self.rates:
+            told = ', '.join(f'{name} {rate:g}/s' for name, rate in self.rates.items())
+            lines.append(f'rates {told}')
         if self.aerodynamics is not None:
             lines += self.aerodynamics.describe()
         return '\n'.join(lines)

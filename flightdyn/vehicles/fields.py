@@ -161,8 +161,8 @@ def named_bounds(name: str, value: Any, where: str) -> tuple[float, float]:
     return bounds([v if v is None else in_degrees(v, where) for v in pair], where)
 
 
-def check_controls(names: Collection[str], context: Context, where: str) -> None:
-    """Refuse names that are no controls of the file.
+def check_controls(names: Collection[str], controls: Collection[str], where: str) -> None:
+    """Refuse names that are not among the controls.
 
     Raises
     ------
@@ -170,8 +170,8 @@ def check_controls(names: Collection[str], context: Context, where: str) -> None
         Naming the nearest control.
     """
     for name in names:
-        if name not in context.controls:
+        if name not in controls:
             raise InputError(
                 f"{where}: '{name}' is not among the vehicle's controls"
-                + (suggestion(name, context.controls) if context.controls else '')
+                + (suggestion(name, controls) if controls else '')
             )

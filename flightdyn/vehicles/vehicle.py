@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from ..config import load_yaml, suggestion, text
 from ..dynamics import FAMILY, MassProperties
@@ -10,11 +10,11 @@ from ..dynamics.base import G
 from ..dynamics.stage import KINEMATICS
 from ..errors import InputError
 from ..resources import find_config, list_configs
-from . import aero_buildup, aero_polar, aero_table, buoyancy, propeller, propulsion
+from . import aero_buildup, aero_direct, aero_polar, aero_table, buoyancy, propeller, propulsion
 from .aerodynamics import COEFFICIENTS, Aerodynamics
 from .definition import STEERED
 from .definition import Vehicle as Vehicle
-from .fields import Context, Fields, named_bounds
+from .fields import IN_DEGREES, Context, Fields, check_controls, in_degrees, named_bounds, positive
 from .propulsion import Propulsion
 from .propulsion import Rotor as Rotor
 
@@ -23,18 +23,21 @@ T = TypeVar('T')
 INERTIA = ('Ixx', 'Iyy', 'Izz', 'Ixy', 'Iyz', 'Ixz')
 KEYS = (
     *('description', 'model', 'mass', 'inertia', 'radii_of_gyration', 'gravity', 'rotors'),
-    *('aerodynamics', 'propulsion', 'controls', 'limits', 'geometry'),
+    *('aerodynamics', 'propulsion', 'controls', 'limits', 'rates', 'geometry'),
 )
 AERODYNAMICS = {
     'polar': (aero_polar.KEYS, aero_polar.read_polar),
     'table': (aero_table.KEYS, aero_table.read_table_aerodynamics),
-    'buildup': (aero_buildup.KEYS, aero_buildup.read_buildup),
+    'buildup': (aero_direct.KEYS, aero_direct.read_buildup_or_direct),
     'balloon': (buoyancy.KEYS, buoyancy.read_balloon),
 }
 PROPULSION = {
     'rocket': (propulsion.ROCKET_KEYS, propulsion.read_rocket),
     'propeller': (propeller.KEYS, propeller.read_propeller),
 }
+
+SHAPES = {'rocket': ('length', 'diameter'), 'balloon': ('diameter',)}
+"""Dimensions [m] of geometries beside airplanes, which `aero_buildup` describes."""
 
 OUTPUTS = ('altitude', *COEFFICIENTS, 'lift', 'drag', 'thrust', 'power', 'rotation', 'mach')
 """What can be limited beside states, controls and the kinematics of every stage."""
@@ -54,13 +57,14 @@ def load_vehicle(name: str, config_dir: str | Path | None = None) -> Vehicle:
     model_name = document.choice('model', FAMILY)
     gravity = document.number('gravity', G)
     controls = _controls(document)
-    geometry = document.named('geometry')
+    geometry = _geometry(document)
     context = Context(path.parent, gravity, tuple(controls), geometry)
     aerodynamics = _aerodynamics(document, context)
     mass = document.positive('mass')
     if aerodynamics is not None:
         mass += aerodynamics.added_mass
     drive = _propulsion(document, mass)
+    rotors = _rotors(document)
     extra = {} if drive is None else drive.extra_states
     _check_uses(document, controls, aerodynamics)
     return Vehicle(
@@ -69,11 +73,12 @@ def load_vehicle(name: str, config_dir: str | Path | None = None) -> Vehicle:
         model_name=model_name,
         mass_props=_mass_props(document, mass, model_name),
         gravity=gravity,
-        rotors=_rotors(document),
+        rotors=rotors,
         aerodynamics=aerodynamics,
         propulsion=drive,
         controls=controls,
         limits={**extra, **_limits(document, (*controls, *extra))},
+        rates=_rates(document, (*rotors, *({} if drive is None else drive.controls), *controls)),
         geometry=geometry,
     )
 
@@ -81,6 +86,21 @@ def load_vehicle(name: str, config_dir: str | Path | None = None) -> Vehicle:
 def list_vehicles(config_dir: str | Path | None = None) -> list[Vehicle]:
     """Return every configured vehicle, by name."""
     return [load_vehicle(name, config_dir) for name in list_configs('vehicles', config_dir)]
+
+
+def _geometry(document: Fields) -> dict[str, Any]:
+    if 'geometry' not in document:
+        return {}
+    kinds = {**SHAPES, 'airplane': ()}
+    dimensions, where = _kind(document, 'geometry', kinds)
+    geometry = document.named('geometry')
+    if dimensions:
+        given = Fields(geometry, ('kind', *dimensions), where)
+        for key in dimensions:
+            given.positive(key)
+    else:
+        aero_buildup.check_geometry(geometry, where)
+    return geometry
 
 
 def _controls(document: Fields) -> dict[str, tuple[float, float]]:
@@ -100,6 +120,19 @@ def _limits(document: Fields, more: Collection[str]) -> dict[str, tuple[float, f
     return {
         name: named_bounds(name, value, f'{given.where}.{name}')
         for name, value in given.values.items()
+    }
+
+
+def _rates(document: Fields, controls: Collection[str]) -> dict[str, float]:
+    given = document.named('rates')
+    where = document.at('rates')
+    check_controls(tuple(given), controls, where)
+    return {
+        name: positive(
+            in_degrees(value, f'{where}.{name}') if name in IN_DEGREES else value,
+            f'{where}.{name}',
+        )
+        for name, value in given.items()
     }
 
 

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,13 @@ from ..files import written_whole
 from ..trajectory import Trajectory
 from .flip_figure import flip_figure as flip_figure
 from .kinematics import Motion, motion_of, pose_at
-from .plotting import COLORS, draw_columns, new_figure, style, title_of
+from .plotting import COLORS, draw_columns, new_figure, style, time_unit, title_of
 from .quantities import unit_of
 from .scenery import speed_range
+from .study_figures import polar_figure as polar_figure
+from .study_figures import profile_figure as profile_figure
+from .study_figures import sweep_figure as sweep_figure
+from .study_figures import tracks_figure as tracks_figure
 
 try:
     from matplotlib.axes import Axes
@@ -42,14 +47,17 @@ def figure_for(
     """Return the figure that shows most of a trajectory.
 
     A comparison if there is a plan to compare with; a quadcopter's flip; the ground track of a
-    flight with a date or a place on earth; else the history of states and controls.
+    flight with a date, a place on earth or turns; the side view of one in a vertical plane; else
+    the history of states and controls.
     """
     if planned is not None:
         return comparison_figure(planned, trajectory, replayed)
     if 'theta' in trajectory and 'thrust_left' in trajectory and 'x_e' in trajectory:
         return flip_figure(trajectory)
-    if trajectory.start_ns or 'lat' in trajectory:
+    if trajectory.start_ns or 'lat' in trajectory or 'track' in trajectory.states:
         return ground_track_figure(trajectory)
+    if 'gamma' in trajectory.states:
+        return profile_figure(trajectory)
     return history_figure(trajectory)
 
 
@@ -75,7 +83,8 @@ def history_figure(trajectory: Trajectory, names: Sequence[str] | None = None) -
     ----------
     trajectory : Trajectory
     names : sequence of str or None
-        Columns to draw; the states and controls if None. A column with a 1-sigma beside it
+        Columns to draw; the states and controls if None. `altitude` stands for -z_e where there
+        is none. A column with a 1-sigma beside it
         (`speed_std` for `speed`) is drawn with its band.
 
     Raises
@@ -84,6 +93,9 @@ def history_figure(trajectory: Trajectory, names: Sequence[str] | None = None) -
         If a name is not in the trajectory.
     """
     chosen = list(names) if names is not None else [*trajectory.states, *trajectory.controls]
+    if 'altitude' in chosen and 'altitude' not in trajectory and 'z_e' in trajectory:
+        outputs = {**trajectory.outputs, 'altitude': -trajectory['z_e']}
+        trajectory = replace(trajectory, outputs=outputs)
     unknown = [name for name in chosen if name not in trajectory]
     if unknown or not chosen:
         raise InputError(
@@ -91,20 +103,21 @@ def history_figure(trajectory: Trajectory, names: Sequence[str] | None = None) -
             f'{", ".join(trajectory.columns)}'
         )
     panels = _panels(trajectory, chosen)
+    unit, per_second = time_unit(trajectory)
     columns = 1 if len(panels) < 4 else 2
     rows = -(-len(panels) // columns)
     with style():
         figure = new_figure((4.6 * columns, 1.0 + 1.6 * rows))
         axes = figure.subplots(rows, columns, sharex=True, squeeze=False).T.ravel()
         for ax, panel in zip(axes, panels, strict=False):
-            draw_columns(ax, trajectory, panel)
+            draw_columns(ax, trajectory, panel, per_second)
             if list(panel) == ['z_e']:
                 ax.invert_yaxis()  # z points down, but up shall be up
         for ax in axes[len(panels) :]:
             ax.set_visible(False)
         last = [axes[min((i + 1) * rows, len(panels)) - 1] for i in range(columns)]
         for ax in last:
-            ax.set_xlabel('time [s]')
+            ax.set_xlabel(f'time [{unit}]')
             ax.tick_params(labelbottom=True)
         figure.suptitle(title_of(trajectory), fontsize=10)
     return figure
@@ -171,8 +184,8 @@ def ground_track_figure(trajectory: Trajectory) -> Figure:
     motion = motion_of(trajectory)
     bank = 'bank' if 'bank' in trajectory else 'phi' if 'phi' in trajectory else ''
     scale, unit = (1e-3, 'km') if np.ptp(motion.position[:, :2], axis=0).max() > 5e3 else (1, 'm')
-    time_scale, time_unit = (1 / 60, 'min') if trajectory.duration > 1200 else (1.0, 's')
-    time = motion.time * time_scale
+    shown, per_second = time_unit(trajectory)
+    time = motion.time * per_second
     with style():
         figure = new_figure((9.5, 4.8))
         grid = figure.add_gridspec(3 if bank else 2, 2, width_ratios=(1.25, 1))
@@ -198,7 +211,7 @@ def ground_track_figure(trajectory: Trajectory) -> Figure:
             _histories(bottom, trajectory, motion, time, values, bank, 'deg')
         for ax in (first, second):
             ax.tick_params(labelbottom=ax is bottom)
-        bottom.set_xlabel(f'time [{time_unit}]')
+        bottom.set_xlabel(f'time [{shown}]')
         figure.suptitle(title_of(trajectory), fontsize=10)
     return figure
 

@@ -20,6 +20,7 @@ except ImportError as error:
 
 # Okabe and Ito's colours: told apart by the colour-blind, and in grey by their order.
 COLORS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9', '#000000')
+LONG = 1200.0  # s: flights beyond are shown in minutes
 _STYLE = {
     'font.size': 9.0,
     'axes.grid': True,
@@ -56,12 +57,19 @@ def title_of(trajectory: Trajectory) -> str:
     return ', '.join(word for word in words if word) or trajectory.model or 'trajectory'
 
 
-def draw_columns(ax: Axes, trajectory: Trajectory, names: Sequence[str]) -> None:
+def time_unit(trajectory: Trajectory) -> tuple[str, float]:
+    """Return the unit that a flight's time is shown in, and the factor from seconds."""
+    return ('min', 1 / 60) if trajectory.duration > LONG else ('s', 1.0)
+
+
+def draw_columns(
+    ax: Axes, trajectory: Trajectory, names: Sequence[str], per_second: float = 1.0
+) -> None:
     """Draw columns over time on one axis: held controls as steps, nothing across a gap."""
     unit = unit_of(names[0])[0]
     for number, name in enumerate(names):
         factor = unit_of(name)[1]
-        values, time = trajectory[name] * factor, trajectory.time
+        values, time = trajectory[name] * factor, trajectory.time * per_second
         how: dict[str, Any] = {}
         if name in ('track', 'psi'):  # dots: a line would jump across the plot at 360 degrees
             values, how = np.mod(values, 360), {'ls': '', 'marker': '.', 'ms': 1.5}

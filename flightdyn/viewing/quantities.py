@@ -14,7 +14,9 @@ Array = NDArray[np.float64]
 DEG = float(np.degrees(1.0))
 
 _UNITS: dict[str, tuple[str, float]] = {
-    **dict.fromkeys(('x_e', 'y_e', 'z_e', 'altitude', 'distance', 'deviation'), ('m', 1.0)),
+    **dict.fromkeys(
+        ('x_e', 'y_e', 'z_e', 'altitude', 'distance', 'deviation', 'radius'), ('m', 1.0)
+    ),
     **dict.fromkeys(
         ('u_e', 'v_e', 'w_e', 'u_b', 'v_b', 'w_b', 'speed', 'airspeed', 'groundspeed'),
         ('m/s', 1.0),
@@ -22,10 +24,11 @@ _UNITS: dict[str, tuple[str, float]] = {
     **dict.fromkeys(('gamma', 'track', 'bank', 'phi', 'theta', 'psi'), ('deg', DEG)),
     **dict.fromkeys(('p', 'q', 'r'), ('deg/s', DEG)),
     **dict.fromkeys(('alpha', 'beta', 'lat', 'lon'), ('deg', 1.0)),
-    **dict.fromkeys(('lift', 'drag', 'side_force', 'thrust', 'weight'), ('N', 1.0)),
-    'mass': ('kg', 1.0),
+    **dict.fromkeys(('lift', 'drag', 'side_force', 'thrust', 'weight', 'buoyancy'), ('N', 1.0)),
+    **dict.fromkeys(('mass', 'fuel'), ('kg', 1.0)),
+    'fuel_flow': ('kg/s', 1.0),
     'power': ('W', 1.0),
-    'energy': ('J', 1.0),
+    **dict.fromkeys(('energy', 'charge'), ('J', 1.0)),
     'energy_height': ('m', 1.0),
     'density': ('kg/m^3', 1.0),
     'pressure': ('Pa', 1.0),

@@ -66,9 +66,7 @@ FREE = 'duration={lower: 0.1, upper: 10, guess: 1}'
 
 def test_integrals_may_enter_anyhow(solve: Solve) -> None:
     """The effort's root and its square have the effort's own optimum."""
-    root = solve(
-        'objective={minimize: sqrt(integral(push**2))}', 'guess={push: [1, -1]}'
-    ).report
+    root = solve('objective={minimize: sqrt(integral(push**2))}', 'guess={push: [1, -1]}').report
     assert root.objective == pytest.approx(np.sqrt(13.5), rel=1e-8)
     square = solve('objective={minimize: effort**2}').report
     assert square.objective == pytest.approx((13.5 / 20**2) ** 2, rel=1e-6)

@@ -4,14 +4,17 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import casadi as cas
 import numpy as np
 import pytest
 import yaml
-from vehicle_making import vehicle_of
+from vehicle_making import evaluated, vehicle_of
 
+import flightdyn as fd
 from flightdyn.errors import InputError, MissingExtraError
 from flightdyn.tables import read_table
 from flightdyn.vehicles import aero_buildup
+from flightdyn.vehicles.vehicle import load_vehicle
 
 CONFIG = Path(__file__).parents[2] / 'config' / 'vehicles'
 
@@ -118,3 +121,24 @@ def test_the_shipped_table_is_what_aerobuildup_gives() -> None:
     assert list(table) == list(shipped)
     for name, values in shipped.items():
         np.testing.assert_allclose(table[name], values, rtol=1e-5, atol=1e-7)
+
+
+@pytest.mark.slow
+def test_aerobuildup_takes_an_operating_point_of_symbols() -> None:
+    asb = pytest.importorskip('aerosandbox')
+    airplane = aero_buildup.airplane(load_vehicle('cessna152').geometry)
+    x = cas.MX.sym('x', 3)
+    dyn = fd.DynamicsPointMass2DSpeedGamma(speed=x[0], alpha=x[1], z_e=x[2])
+    force = asb.AeroBuildup(airplane=airplane, op_point=dyn.op_point).run()['F_w']
+    dyn.add_force(*force, axes='wind')
+    function = cas.Function('f', [x], [cas.vertcat(*force), dyn.state_derivatives()['speed']])
+    found, braking = function([50.0, 3.0, -800.0])
+    # the table has the same samples, to its fit error of 6.5e-4 at most
+    table = evaluated(
+        load_vehicle('cessna152').model().stage(), speed=50.0, alpha=3.0, z_e=-800.0
+    )[1]
+    assert float(found[0]) == pytest.approx(-table['drag'], rel=1e-3)
+    assert float(found[2]) == pytest.approx(-table['lift'], rel=1e-3)
+    assert float(braking) == pytest.approx(float(found[0]))  # of the default mass, 1 kg
+    slopes = cas.Function('j', [x], [cas.jacobian(cas.vertcat(*force), x)])([50.0, 3.0, -800.0])
+    assert np.all(np.isfinite(slopes.full()))

@@ -177,6 +177,34 @@ def test_a_table_over_alpha_mach_and_a_control(tmp_path: Path) -> None:
     assert vehicle.aerodynamics.errors['CL'].largest < 1e-9
 
 
+def test_a_table_over_beta_and_reynolds_gives_side_force_and_moments(tmp_path: Path) -> None:
+    columns = grid(alpha=[-4.0, 12.0], beta=[-10.0, 10.0], reynolds=[1e5, 1e7])
+    beta, reynolds = columns['beta'], columns['reynolds']
+    text = PLAIN.replace('span: 4', 'span: 4, chord: 0.5, logarithmic: [reynolds]')
+    text = text.replace('PointMass2DSpeedGamma', 'RigidBody3DBodyEuler')
+    text = text.replace('mass: 10', 'mass: 10\nradii_of_gyration: [1, 1, 1]')
+    vehicle = made(
+        tmp_path, text, **columns, CL=0.1 * columns['alpha'], CD=0.5 * reynolds**-0.2,
+        CY=-0.02 * beta, Cl=-0.001 * beta, Cn=0.002 * beta,
+    )  # fmt: skip
+    v, angle = 30.0, np.radians(5.0)  # the wind from the right: beta > 0
+    rates, air = evaluated(
+        vehicle.model().stage(), u_b=v * np.cos(angle), v_b=v * np.sin(angle), z_e=0.0
+    )
+    force = 0.5 * 1.225 * v**2 * 2.0  # ISA at sea level, area 2 m^2
+    # 1e-3: the density of the smooth atmosphere against 1.225
+    assert rates['r'] == pytest.approx(force * 4.0 * 0.002 * 5.0 / 10.0, rel=1e-3)
+    assert rates['p'] == pytest.approx(-force * 4.0 * 0.001 * 5.0 / 10.0, rel=1e-3)
+    # 30 m/s over 0.5 m in air of 1.461e-5 m^2/s (USSA 1976)
+    assert air['reynolds'] == pytest.approx(30 * 0.5 / 1.461e-5, rel=2e-3)
+    # a power is what a logarithm of drag over one of Reynolds numbers takes to rounding
+    assert air['CD'] == pytest.approx(0.5 * air['reynolds'] ** -0.2)
+    side = -force * 0.02 * 5.0
+    drag = force * air['CD']
+    pushed = (side * np.cos(angle) - drag * np.sin(angle)) / 10.0
+    assert rates['v_b'] == pytest.approx(pushed, rel=1e-3)
+
+
 def test_the_error_without_samples_apart_is_pessimistic(tmp_path: Path) -> None:
     alpha = np.linspace(-10.0, 20.0, 31)
     lift = np.sin(0.4 * alpha)
@@ -240,6 +268,28 @@ def test_a_table_is_fitted_once_and_again_when_it_has_changed(tmp_path: Path) ->
 def test_bad_tables_are_refused(tmp_path: Path, columns: Any, message: str) -> None:
     with pytest.raises(InputError, match=message):
         made(tmp_path, **columns, CL=[0.0, 1.0], CD=[0.1, 0.1])
+
+
+def test_a_table_may_be_yaml_and_parquet(tmp_path: Path) -> None:
+    alpha, lift, drag = [0.0, 4.0, 8.0], [0.1, 0.5, 0.8], [0.02, 0.03, 0.05]
+    keys = {repr(made(tmp_path, PLAIN, alpha=alpha, CL=lift, CD=drag))}
+    write_table({'alpha': alpha, 'CL': lift, 'CD': drag}, tmp_path / 'vehicles' / 'table.parquet')
+    keys.add(repr(vehicle_of(tmp_path, PLAIN.replace('table.csv', 'table.parquet'))))
+    text = f'alpha: {alpha}\nCL: {lift}\nCD: {drag}\n'
+    path = tmp_path / 'vehicles' / 'table.yaml'
+    for content, message in (
+        (text, ''),
+        (text.replace('0.05]', ']'), 'columns must be of one length, got alpha 3, CL 3, CD 2'),
+        (text.replace('0.05]', 'x]'), "table.yaml: column 'CD': expected a number, got 'x'"),
+        (text.replace(str(alpha), '3'), "column 'alpha': expected a list, got 3"),
+    ):
+        path.write_text(content)
+        if message:
+            with pytest.raises(InputError, match=message):
+                vehicle_of(tmp_path, PLAIN.replace('table.csv', 'table.yaml'))
+        else:
+            keys.add(repr(vehicle_of(tmp_path, PLAIN.replace('table.csv', 'table.yaml'))))
+    assert len(keys) == 1  # the same content, wherever it stands
 
 
 def test_what_is_missing_is_named(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Vehicles from YAML, and the stage function traced from them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import casadi as cas
@@ -95,8 +96,20 @@ def test_jacobian_agrees_with_central_differences() -> None:
         ('mass: 0.1', 'mass: 0.1\nlimits: {speed: [2, 1]}', 'limits.speed: lower bound 2 is'),
         ('mass: 0.1', 'mass: 0.1\naerodynamics: {kind: poler}', "'poler', did you mean 'polar'"),
         ('mass: 0.1', 'mass: 0.1\naerodynamics: 3', 'aerodynamics: expected a mapping, got 3'),
-        ('mass: 0.1', 'mass: 0.1\ngeometry: 3', 'geometry: expected names and values'),
+        ('mass: 0.1', 'mass: 0.1\ngeometry: 3', 'geometry: expected a mapping, got 3'),
+        ('mass: 0.1', 'mass: 0.1\ngeometry: {kind: baloon}', "'baloon', did you mean 'balloon'"),
+        ('mass: 0.1', 'mass: 0.1\ngeometry: {kind: balloon}', "'diameter' is missing"),
+        (
+            'mass: 0.1',
+            'mass: 0.1\ngeometry: {kind: rocket, length: 9, diamter: 1}',
+            "unknown 'diamter', did you mean 'diameter'",
+        ),
+        ('mass: 0.1', 'mass: 0.1\ngeometry: {kind: airplane}', 'geometry: needs wings'),
         ('position: [0, 0, 0], ', '', "rotors.thrust: 'position' is missing"),
+        ('mass: 0.1', 'mass: 0.1\nrates: {trust: 1}', "'trust' is not .*did you mean 'thrust'"),
+        ('mass: 0.1', 'mass: 0.1\nrates: {thrust: 0}', 'rates.thrust: must be positive, got 0'),
+        ('mass: 0.1', 'mass: 0.1\nrates: [1]', 'rates: expected names and values'),
+        ('mass: 0.1', 'mass: 0.1\nrates: {thrust: fast}', 'rates.thrust: expected a number'),
     ],
 )
 def test_bad_files_are_refused_by_key(tmp_path: Path, old: str, new: str, message: str) -> None:
@@ -164,6 +177,21 @@ def test_two_classes_give_the_same_motion(tmp_path: Path) -> None:
     along = sum(velocity[name] * others[name] for name in velocity) / 30.0
     assert rates['speed'] == pytest.approx(along)
     assert outputs['drag'] == pytest.approx(again['drag'])
+
+
+def test_rates_are_of_any_control_and_alphas_in_degrees(tmp_path: Path) -> None:
+    rates = 'rates: {alpha: 10 deg, bank: 30 deg, throttle: 0.5}\n'
+    engine = 'engine: {kind: electric, power: 1, rotation: 1}'
+    more = f'{rates}propulsion: {{kind: propeller, diameter: 1, {engine}}}'
+    vehicle = glider(tmp_path, more=more)
+    assert vehicle.rates == pytest.approx({'alpha': 10, 'bank': np.pi / 6, 'throttle': 0.5})
+    assert 'rates alpha 10/s' in vehicle.describe()
+    assert repr(vehicle) != repr(glider(tmp_path, more=more.replace('0.5', '0.6')))
+    assert load_vehicle('quadcopter').rates == {}
+    with pytest.raises(InputError, match="made: rates: 'flaps' is not among the vehicle's"):
+        replace(vehicle, rates={'flaps': 1.0})
+    with pytest.raises(InputError, match=r'made: rates.bank: must be positive, got -1'):
+        replace(vehicle, rates={'bank': -1.0})
 
 
 def test_a_class_without_its_inertia_is_refused(tmp_path: Path) -> None:

@@ -1,0 +1,55 @@
+"""What docs/planning.md shows works, and it leaves out no key."""
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+from flightdyn.planning import problem
+from flightdyn.planning.objective import parse_objective
+from flightdyn.planning.planner import Planner
+from flightdyn.vehicles import aero_direct, aero_polar, aero_table, buoyancy, vehicle
+
+ROOT = Path(__file__).parents[1]
+TEXT = (ROOT / 'docs' / 'planning.md').read_text(encoding='utf-8')
+BLOCKS = re.findall(r'^```yaml\n(.*?)^```', TEXT, re.MULTILINE | re.DOTALL)
+
+
+def block(key: str) -> str:
+    return next(text for text in BLOCKS if key in yaml.safe_load(text))
+
+
+def test_the_problem_is_planned_on_the_vehicle(tmp_path: Path) -> None:
+    for folder, name, text in (
+        ('vehicles', 'model_plane', block('mass')),
+        ('problems', 'climb', block('vehicle')),
+    ):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / f'{name}.yaml').write_text(text)
+    climb = problem.load_problem('climb', config_dir=tmp_path)
+    plan = Planner().plan(climb)
+    assert plan.report.verified, plan.report.message
+    assert climb.vehicle.rates['flaps'] == 0.3
+
+
+def test_the_objective_is_one() -> None:
+    (short,) = (text for text in BLOCKS if list(yaml.safe_load(text)) == ['objective'])
+    parse_objective(yaml.safe_load(short)['objective'], 'docs')
+
+
+@pytest.mark.parametrize(
+    'keys',
+    [
+        *(problem.KEYS, vehicle.KEYS, aero_polar.KEYS, aero_table.KEYS, aero_direct.KEYS),
+        *(buoyancy.KEYS, *(known for known, _ in vehicle.PROPULSION.values())),
+    ],
+)
+def test_every_key_is_told(keys: tuple[str, ...]) -> None:
+    told = set(re.findall(r'\w+', ' '.join(re.findall(r'`[^`\n]+`', TEXT))))
+    assert set(keys) <= told
+
+
+def test_every_example_is_listed() -> None:
+    files = {path.name for path in (ROOT / 'examples').glob('*.py')} - {'common.py'}
+    assert files == set(re.findall(r'`(\w+\.py)`', TEXT.partition('## Examples')[2]))
