@@ -185,7 +185,7 @@ def main() -> None:
         return
     table = Table(box=box.SIMPLE)
     table.add_column('equations of motion')
-    for name in ('flightdyn [ms]', 'AeroSandbox [ms]', 'ratio'):
+    for name in ('flightdyn, ms', 'AeroSandbox, ms', 'ratio'):
         table.add_column(name, justify='right')
     for row in rows:
         peer_ms = f'{row["aerosandbox_s"] * 1e3:.3f}' if 'ratio' in row else '-'

@@ -1,209 +1,297 @@
-"""Trajectories planned by flightdyn and by AeroSandbox in the same run.
+"""Plans of flightdyn beside AeroSandbox's of the same problems, in the same run.
 
-Run: python benchmarks/planning.py [--runs N] [--json] [CASE ...]. Each solve is a process of its
-own: start-up, building, solving. Printed are medians, and the median of the pairs' ratios.
-AeroSandbox states the same problems with trapezoidal collocation on the textbook's meshes;
-flightdyn solves its shipped problems as they are and verifies each plan by flying it again, which
-AeroSandbox leaves to the user. What flightdyn compiles for a large model is there already, from
-the run that is not counted; AeroSandbox evaluates its aerodynamics in the loop.
+Run: python benchmarks/planning.py [--cases CASE ...] [--runs N] [--json]. Shown are
+
+- figures: what the textbook's cases come to, on its meshes and converged;
+- speed: cold, from the problem's guess, and warm, from a plan with another start; the solve alone
+  and the whole request, which flies each plan again, as AeroSandbox leaves to its user. Ratios are
+  of processor time: AeroSandbox's `opti.solve()`, and with stating the problem, over our solves;
+- growth: what an iteration costs on more and more nodes;
+- accuracy: how far shipped plans are off when flown again, and tables off what they are of.
+
+AeroSandbox states the problems by trapezoidal collocation on the textbook's meshes, with
+AeroBuildup in the loop; ours are the shipped ones as they are. Each pair of a run is three solves
+of ours, one of AeroSandbox's, and three of ours again, in one process and on one thread; printed
+are medians over the pairs. AeroSandbox takes a quarter of a minute for a glide or a turnback.
 """
 
 import argparse
 import json
+import os
 import statistics
 import subprocess
 import sys
-import time
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
+from rich import box
 from rich.console import Console
+from rich.progress import Progress
 from rich.table import Table
 
-OURS = """
-import json, time
-from flightdyn.planning.planner import Planner
-from flightdyn.planning.problem import load_problem
-begin = time.perf_counter()
-planner, problem = Planner(), load_problem('{problem}')
-plan = planner.plan(problem)
-cold = time.perf_counter() - begin
-assert plan.report.verified
-begin = time.perf_counter()
-planner.plan(problem)
-again = time.perf_counter() - begin
-print(json.dumps({{'value': plan.report.objective, 'plan_s': cold, 'again_s': again}}))
-"""
+CASES = ('glide', 'turnback', 'flip', 'rocket')
+PARTS = ('figures', 'speed', 'growth', 'accuracy')
+AERODYNAMIC = ('glide', 'turnback')
+MEASURES = Path(__file__).with_name('support') / 'planning_measures.py'
+ROCKET_INFIMUM = 198_686.24383320266  # kg: an impulse at the start, by the rocket equation
+TURNBACK = 45.641  # m: Radau collocation with AeroBuildup itself on 60 to 150 intervals
 
-HEAD = """
-import json, time
-import aerosandbox as asb
-import aerosandbox.numpy as np
-opti = asb.Opti()
-"""
+LEAST_RATIO = {'glide': 400, 'turnback': 500, 'flip': 10, 'rocket': 2}
+LEAST_RATIO_INTERPRETED = 150
+MOST_WARM = {'glide': 0.025, 'turnback': 0.015}
+MOST_REQUEST = {'glide': 0.150}
+MOST_FIRST = 10.0  # s
 
-TAIL = """
-sol = opti.solve(verbose=False)
-print(json.dumps({'value': float(sol(value)), 'plan_s': time.perf_counter() - begin}))
-"""
-
-FLIP = """
-begin = time.perf_counter()
-n = 80
-value = opti.variable(init_guess=1, lower_bound=0)
-grid = np.linspace(0, value, n)
-state = {name: opti.variable(init_guess=0, n_vars=n) for name in ('z_e', 'u_b', 'w_b', 'q')}
-state['x_e'] = opti.variable(init_guess=np.linspace(0, 1, n))
-state['theta'] = opti.variable(init_guess=np.linspace(0, -2 * np.pi, n))
-dyn = asb.DynamicsRigidBody2DBody(
-    mass_props=asb.MassProperties(mass=0.1, Ixx=1, Iyy=0.0005, Izz=1), **state
-)
-left = opti.variable(init_guess=0.5, n_vars=n, lower_bound=0, upper_bound=1)
-right = opti.variable(init_guess=0.5, n_vars=n, lower_bound=0, upper_bound=1)
-dyn.add_force(Fz=-(left + right), axes='body')
-dyn.add_moment(My=(right - left) * 0.05)
-dyn.add_gravity_force(g=9.81)
-dyn.constrain_derivatives(opti, grid)
-ends = {'x_e': 1, 'theta': -2 * np.pi}
-opti.subject_to([dyn.state[k][0] == 0 for k in state])
-opti.subject_to([dyn.state[k][-1] == ends.get(k, 0) for k in state])
-opti.minimize(value)
-"""
-
-ROCKET = """
-begin = time.perf_counter()
-n = 100
-grid = np.linspace(0, 100, n)
-mass = opti.variable(init_guess=500e3, n_vars=n)
-dyn = asb.DynamicsPointMass1DVertical(
-    mass_props=asb.MassProperties(mass=mass),
-    z_e=opti.variable(init_guess=np.linspace(0, -100e3, n)),
-    w_e=opti.variable(init_guess=-1000, n_vars=n),
-)
-thrust = opti.variable(init_guess=9.81 * 500e3, n_vars=n, lower_bound=0)
-dyn.add_force(Fz=-thrust)
-dyn.add_gravity_force(g=9.81)
-dyn.constrain_derivatives(opti, grid)
-opti.constrain_derivative(
-    derivative=-thrust / (300 * 9.81), variable=mass, with_respect_to=grid
-)
-opti.subject_to([
-    dyn.z_e[0] == 0, dyn.w_e[0] == 0, mass[0] == 500e3, dyn.z_e[-1] == -100e3, mass >= 0
-])
-value = mass[0] - mass[-1]
-opti.minimize(value)
-"""
-
-GLIDE = """
-def section(le, chord, airfoil, twist=0):
-    return asb.WingXSec(le, chord, twist, asb.Airfoil(airfoil))
-
-tail = [4.0386, 0, -0.6096]
-airplane = asb.Airplane(
-    wings=[
-        asb.Wing(symmetric=True, xsecs=[
-            section([0, 0, 0], 1.6256, 'naca2412'),
-            section([0, 2.1336, 0.03724], 1.6256, 'naca2412'),
-            section([0.10795, 5.08, 0.08866], 1.1303, 'naca0012'),
-        ]),
-        asb.Wing(symmetric=True, xsecs=[
-            section([0, 0, 0], 1.1176, 'naca0012', -2),
-            section([0.3048, 1.524, 0], 0.719138, 'naca0012', -2),
-        ]).translate(tail),
-        asb.Wing(xsecs=[
-            section([-1.524, 0, 0], 2.6416, 'naca0012'),
-            section([0, 0, 0.3048], 1.1176, 'naca0012'),
-            section([0.2032, 0, 1.524], 0.8128, 'naca0012'),
-        ]).translate(tail),
-    ],
-    fuselages=[
-        asb.Fuselage(xsecs=[
-            asb.FuselageXSec(xyz_c=[x, 0, z], radius=r, shape=s)
-            for x, z, r, s in [
-                (0, -0.3048, 1e-9, 2), (0, -0.3048, 0.4572, 4), (0.9144, -0.25908, 0.51816, 4),
-                (1.524, 0, 0.82296, 3), (3.1496, 0.09144, 0.70104, 3),
-                (6.6802, 0.24384, 0.09144, 2),
-            ]
-        ]).translate([-1.524, 0, -0.9144]).subdivide_sections(2)
-    ],
-)
-begin = time.perf_counter()
-n, start = 50, {'x_e': 0, 'z_e': -1000, 'speed': 107 * 1852 / 3600, 'gamma': 0}
-grid = np.cosspace(0, opti.variable(init_guess=180, log_transform=True), n)
-dyn = asb.DynamicsPointMass2DSpeedGamma(
-    mass_props=asb.MassProperties(mass=1151.8 * 0.45359237),
-    x_e=opti.variable(init_guess=start['speed'] * np.linspace(0, 180, n)),
-    z_e=opti.variable(init_guess=np.linspace(-1000, 0, n)),
-    speed=opti.variable(init_guess=start['speed'], n_vars=n),
-    gamma=opti.variable(
-        init_guess=0, n_vars=n, lower_bound=-np.pi / 2, upper_bound=np.pi / 2
-    ),
-    alpha=opti.variable(init_guess=5, n_vars=n, lower_bound=-5, upper_bound=15),
-)
-opti.subject_to([dyn.state[k][0] == v for k, v in start.items()])
-dyn.add_gravity_force(g=9.81)
-dyn.add_force(*asb.AeroBuildup(airplane=airplane, op_point=dyn.op_point).run()['F_w'], axes='wind')
-opti.subject_to(dyn.altitude > 0)
-dyn.constrain_derivatives(opti, grid)
-value = dyn.x_e[-1]
-opti.minimize(-value)
-"""
-
-CASES = {
-    'quadcopter_flip': (FLIP, 's', 'optimum 0.824074 s'),
-    'rocket_climb': (ROCKET, 'kg', 'infimum 198,686 kg'),
-    'cessna152_glide': (GLIDE, 'm', 'converged 20,921 m'),
-}
+Show = Callable[[Any], list[Table]]
 
 
-def run(code: str) -> dict[str, float]:
-    """Return what a process reports, and how long it took as a whole."""
-    begin = time.perf_counter()
-    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
-    whole = time.perf_counter() - begin
-    return {**json.loads(done.stdout.splitlines()[-1]), 'process_s': whole}
+def measure(name: str, *arguments: str, **environment: str) -> Any:
+    """Return what a measure finds, on one thread in a process of its own."""
+    done = subprocess.run(
+        [sys.executable, '-W', 'ignore', str(MEASURES), name, *arguments],
+        env={**os.environ, 'OMP_NUM_THREADS': '1', **environment},
+        stdout=subprocess.PIPE,
+        check=True,
+    )
+    return json.loads(done.stdout.splitlines()[-1])
 
 
-def measure(case: str, runs: int) -> dict[str, float]:
-    """Return medians of a case."""
-    ours, peer = OURS.format(problem=case), HEAD + CASES[case][0] + TAIL
-    run(ours)  # the first of each fills caches and is not counted
-    run(peer)
-    pairs = [(run(ours), run(peer)) for _ in range(runs)]
-    found = {'again_s': statistics.median(pair[0]['again_s'] for pair in pairs)}
-    for key in ('plan_s', 'process_s'):
-        found[f'ours_{key}'] = statistics.median(pair[0][key] for pair in pairs)
-        found[f'peer_{key}'] = statistics.median(pair[1][key] for pair in pairs)
-        found[f'ratio_{key}'] = statistics.median(pair[1][key] / pair[0][key] for pair in pairs)
-    found['ours_value'], found['peer_value'] = (pairs[0][i]['value'] for i in range(2))
+# ---------------------------------------------------------------------- figures
+
+
+def figures(cases: list[str], runs: int, step: Callable[[str], None]) -> list[dict[str, Any]]:
+    """Return rows of what, value, unit, expected, met."""
+    step('figures')
+    rows = measure('figures')
+    for row in rows:
+        row['met'] = abs(row['value'] - row['expected']) <= row.pop('within')
+    step('rocket on finer meshes')
+    fuel = measure('rocket')
+    over = [each['value'] / ROCKET_INFIMUM - 1 for each in fuel]
+    for each, part in zip(fuel, over, strict=True):
+        rows.append(
+            {'what': f'rocket, {each["nodes"]} intervals', 'value': each['value'], 'unit': 'kg'}
+            | {'expected': ROCKET_INFIMUM, 'met': each['verified'] and part >= 0}
+        )
+    rows[-1]['met'] = rows[-1]['met'] and over[-1] < 1e-3
+    step('turnback from ten guesses')
+    for each in measure('starts', 'turnback'):
+        met = each['verified'] and abs(each['value'] - TURNBACK) < 0.01
+        rows.append(
+            {'what': f'turnback, guess {each["seed"]}', 'value': each['value'], 'unit': 'm'}
+            | {'expected': TURNBACK, 'met': met, 'iterations': each['iterations']}
+        )
+    return rows
+
+
+def show_figures(rows: list[dict[str, Any]]) -> list[Table]:
+    table = _table('figures', 'found', 'expected', '')
+    for row in rows:
+        found, expected = (f'{row[key]:,.7g} {row["unit"]}' for key in ('value', 'expected'))
+        table.add_row(row['what'], found, expected, _mark(row['met']))
+    return [table]
+
+
+# ---------------------------------------------------------------------- speed
+
+
+def speed(cases: list[str], runs: int, step: Callable[[str], None]) -> list[dict[str, Any]]:
+    """Return a row for each case: medians [s] and ratios."""
+    rows = []
+    for case in cases:
+        step(f'speed: {case}')
+        found = measure('speed', case, str(runs))
+        row = {'case': case, **_ratios(found['pairs'])}
+        for name, several in (('warm', found['warm']), ('request', found['requests'])):
+            for key in ('solve_s', 'solve_cpu_s', 'whole_s', 'whole_cpu_s', 'iterations'):
+                row[f'{name}_{key}'] = _median(several, key)
+            row[f'{name}_verified'] = all(each['verified'] for each in several)
+        step(f'first build: {case}')
+        with tempfile.TemporaryDirectory() as empty:
+            row['first_s'] = measure('alone', case, '1', XDG_CACHE_HOME=empty)['first']['whole_s']
+            if case in AERODYNAMIC:
+                step(f'without a compiler: {case}')
+                # no programme is found on such a path, so no compiler either
+                cold = measure('alone', case, str(runs), PATH=empty)['cold']
+                row['interpreted_solve_cpu_s'] = _median(cold, 'solve_cpu_s')
+                row['interpreted_ratio'] = row['peer_solve_cpu_s'] / row['interpreted_solve_cpu_s']
+        rows.append(row)
+    return rows
+
+
+def _ratios(pairs: list[dict[str, Any]]) -> dict[str, Any]:
+    row: dict[str, Any] = {}
+    ours = [each for pair in pairs for each in pair['ours']]
+    peer = [each for pair in pairs for each in pair['peer']]
+    for key in ('solve_s', 'solve_cpu_s', 'whole_s', 'whole_cpu_s', 'iterations', 'value'):
+        row[f'cold_{key}'] = _median(ours, key)
+    for key in ('build_s', 'solve_s', 'solve_cpu_s', 'total_cpu_s', 'value'):
+        row[f'peer_{key}'] = _median(peer, key)
+
+    def ratio(theirs: str, own: str) -> float:
+        return statistics.median(
+            _median(pair['peer'], theirs) / _median(pair['ours'], own) for pair in pairs
+        )
+
+    row['cold_verified'] = all(each['verified'] for each in ours)
+    row['ratio'] = ratio('solve_cpu_s', 'solve_cpu_s')
+    row['ratio_with_statement'] = ratio('total_cpu_s', 'solve_cpu_s')
+    row['ratio_of_request'] = ratio('solve_cpu_s', 'whole_cpu_s')
+    return row
+
+
+def show_speed(rows: list[dict[str, Any]]) -> list[Table]:
+    against = _table(
+        'cold, processor time',
+        *('solve, ms', 'request, ms', 'AeroSandbox, ms', 'ratio', '', 'with build', 'request'),
+        *('no compiler, ms', 'ratio', ''),
+    )
+    alone = _table(
+        'flightdyn alone, by the clock',
+        *('cold solve, ms', 'request', 'warm solve, ms', '(iterations)', '', 'request', ''),
+        *('from YAML, ms', '', 'first ever, s', ''),
+    )
+    for row in rows:
+        case = row['case']
+        interpreted = ('-', '', '')
+        if 'interpreted_ratio' in row:
+            least = LEAST_RATIO_INTERPRETED
+            interpreted = (
+                _ms(row['interpreted_solve_cpu_s']),
+                f'{row["interpreted_ratio"]:.0f}',
+                _mark(row['interpreted_ratio'] >= least, f'>= {least}'),
+            )
+        against.add_row(
+            case,
+            _ms(row['cold_solve_cpu_s']),
+            _ms(row['cold_whole_cpu_s']),
+            _ms(row['peer_solve_cpu_s']),
+            f'{row["ratio"]:.1f}',
+            _mark(row['ratio'] >= LEAST_RATIO[case], f'>= {LEAST_RATIO[case]}'),
+            f'{row["ratio_with_statement"]:.1f}',
+            f'{row["ratio_of_request"]:.1f}',
+            *interpreted,
+        )
+        alone.add_row(
+            case,
+            _ms(row['cold_solve_s']),
+            _ms(row['cold_whole_s']),
+            _ms(row['warm_solve_s']),
+            f'{row["warm_iterations"]:.0f}',
+            _limit(row['warm_solve_s'], MOST_WARM.get(case)),
+            _ms(row['warm_whole_s']),
+            _mark(row['warm_verified'], 'verified'),
+            _ms(row['request_whole_s']),
+            _limit(row['request_whole_s'], MOST_REQUEST.get(case)),
+            f'{row["first_s"]:.2f}',
+            _limit(row['first_s'], MOST_FIRST),
+        )
+    return [against, alone]
+
+
+# ---------------------------------------------------------------------- growth and accuracy
+
+
+def growth(cases: list[str], runs: int, step: Callable[[str], None]) -> dict[str, Any]:
+    """Return rows of each case by number of nodes."""
+    found = {}
+    for case in cases:
+        step(f'growth: {case}')
+        found[case] = measure('growth', case)
     return found
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description='Plan with flightdyn and with AeroSandbox.')
-    # argparse checks the empty list, too
-    parser.add_argument('case', nargs='*', choices=[*CASES, []], help='default: all')
-    parser.add_argument('--runs', type=int, default=5)
-    parser.add_argument('--json', action='store_true')
-    arguments = parser.parse_args()
-    table = Table(title='flightdyn / AeroSandbox, medians')
-    for column in ('case', 'plan [s]', 'ratio', 'again [s]', 'process [s]', 'ratio', 'value', ''):
-        table.add_column(column)
-    results = {}
-    for case in arguments.case or CASES:
-        found = results[case] = measure(case, arguments.runs)
+def show_growth(found: dict[str, Any]) -> list[Table]:
+    counts = [row['nodes'] for row in next(iter(found.values()), [])]
+    table = _table('µs an iteration and node', *(f'{n} nodes' for n in counts))
+    for case, rows in found.items():
+        table.add_row(case, *(f'{row["iteration_and_node_s"] * 1e6:.0f}' for row in rows))
+    return [table]
+
+
+def accuracy(cases: list[str], runs: int, step: Callable[[str], None]) -> dict[str, Any]:
+    """Return the errors of each case."""
+    found = {}
+    for case in cases:
+        step(f'accuracy: {case}')
+        found[case] = measure('accuracy', case)
+    return found
+
+
+def show_accuracy(found: dict[str, Any]) -> list[Table]:
+    table = _table(
+        'flown again', 'worst error / range', 'tolerance', '', 'CL of table', 'CD of table', 'by'
+    )
+    for case, each in found.items():
+        worst = max(each['relative'], key=each['relative'].get)
         table.add_row(
             case,
-            f'{found["ours_plan_s"]:.3f} / {found["peer_plan_s"]:.3f}',
-            f'{found["ratio_plan_s"]:.1f}',
-            f'{found["again_s"]:.3f}',
-            f'{found["ours_process_s"]:.2f} / {found["peer_process_s"]:.2f}',
-            f'{found["ratio_process_s"]:.1f}',
-            f'{found["ours_value"]:.7g} / {found["peer_value"]:.7g} {CASES[case][1]}',
-            CASES[case][2],
+            f'{each["relative"][worst]:.1e} ({worst})',
+            f'{each["tolerance"]:.0e}',
+            _mark(each['verified'], 'verified'),
+            *(f'{each["table"][k]:.1e}' if 'table' in each else '-' for k in ('CL', 'CD')),
+            each['transcription'],
         )
-    if arguments.json:
-        print(json.dumps(results))
-    else:
-        Console(width=140).print(table)
+    return [table]
+
+
+# ---------------------------------------------------------------------- the rest
+
+
+def _median(several: list[dict[str, Any]], key: str) -> float:
+    return statistics.median(each[key] for each in several)
+
+
+def _table(title: str, *columns: str) -> Table:
+    table = Table(box=box.SIMPLE)
+    table.add_column(title)
+    for column in columns:
+        table.add_column(column, justify='right')
+    return table
+
+
+def _ms(seconds: float) -> str:
+    return f'{seconds * 1e3:.1f}'
+
+
+def _mark(met: bool, what: str = '') -> str:
+    return f'[green]{what or "yes"}[/]' if met else f'[red]not {what or "met"}[/]'
+
+
+def _limit(seconds: float, most: float | None) -> str:
+    return '' if most is None else _mark(seconds <= most, f'<= {most:g} s')
+
+
+RUN: dict[str, tuple[Callable[..., Any], Show]] = {
+    'figures': (figures, show_figures),
+    'speed': (speed, show_speed),
+    'growth': (growth, show_growth),
+    'accuracy': (accuracy, show_accuracy),
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
+    parser.add_argument('--cases', nargs='+', choices=CASES, default=list(CASES))
+    parser.add_argument('--parts', nargs='+', choices=PARTS, default=list(PARTS))
+    parser.add_argument('--runs', type=int, default=1, help='pairs of ours and AeroSandbox (1)')
+    parser.add_argument('--json', action='store_true', help='print JSON instead of tables')
+    options = parser.parse_args()
+    results, console = {}, Console(width=150)
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task('', total=None)
+        for part in options.parts:
+            results[part] = RUN[part][0](
+                options.cases, options.runs, lambda what: progress.update(task, description=what)
+            )
+    if options.json:
+        print(json.dumps(results, indent=1))
+        return
+    for part, found in results.items():
+        for table in RUN[part][1](found):
+            console.print(table)
 
 
 if __name__ == '__main__':
