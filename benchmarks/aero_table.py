@@ -17,7 +17,8 @@ from aerosandbox import AeroBuildup
 import flightdyn as fd
 import flightdyn.numpy as np
 from flightdyn.planning.planner import Planner
-from flightdyn.planning.problem import Problem, load_problem
+from flightdyn.planning.problem import Problem
+from flightdyn.planning.problem_file import load_problem
 from flightdyn.planning.report import Plan
 from flightdyn.vehicles.aero_buildup import airplane
 

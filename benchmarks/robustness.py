@@ -27,7 +27,8 @@ from rich.table import Table
 
 from flightdyn.errors import ResultCode
 from flightdyn.planning.planner import Planner
-from flightdyn.planning.problem import Problem, load_problem
+from flightdyn.planning.problem import Problem
+from flightdyn.planning.problem_file import load_problem
 from flightdyn.planning.report import Plan
 from flightdyn.resources import list_configs
 

@@ -10,7 +10,7 @@ from common import draw, output_folder, plan, save, tell
 import flightdyn as fd
 import flightdyn.numpy as np
 from flightdyn.planning.planner import Planner
-from flightdyn.planning.problem import load_problem
+from flightdyn.planning.problem_file import load_problem
 
 FOLDER = output_folder(__doc__)
 

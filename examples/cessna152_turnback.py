@@ -13,7 +13,7 @@ from common import draw, output_folder, plan, save, tell
 import flightdyn.numpy as np
 from flightdyn import Trajectory
 from flightdyn.planning.planner import Planner
-from flightdyn.planning.problem import load_problem
+from flightdyn.planning.problem_file import load_problem
 from flightdyn.tables import write_table
 
 FOLDER = output_folder(__doc__)

@@ -175,7 +175,7 @@ def _count(text: str) -> int:
 def _plan(arguments: argparse.Namespace) -> int:
     from .planning.plan_file import plan_document
     from .planning.planner import Planner
-    from .planning.problem import load_problem
+    from .planning.problem_file import load_problem
 
     outputs = export.check_outputs(arguments.output, export.FLIGHT_FORMATS)
     settings = list(arguments.set)

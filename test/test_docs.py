@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from flightdyn.planning import problem
+from flightdyn.planning import problem_file
 from flightdyn.planning.objective import parse_objective
 from flightdyn.planning.planner import Planner
 from flightdyn.vehicles import aero_direct, aero_polar, aero_table, buoyancy, vehicle
@@ -27,7 +27,7 @@ def test_the_problem_is_planned_on_the_vehicle(tmp_path: Path) -> None:
     ):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / f'{name}.yaml').write_text(text)
-    climb = problem.load_problem('climb', config_dir=tmp_path)
+    climb = problem_file.load_problem('climb', config_dir=tmp_path)
     plan = Planner().plan(climb)
     assert plan.report.verified, plan.report.message
     assert climb.vehicle.rates['flaps'] == 0.3
@@ -41,7 +41,7 @@ def test_the_objective_is_one() -> None:
 @pytest.mark.parametrize(
     'keys',
     [
-        *(problem.KEYS, vehicle.KEYS, aero_polar.KEYS, aero_table.KEYS, aero_direct.KEYS),
+        *(problem_file.KEYS, vehicle.KEYS, aero_polar.KEYS, aero_table.KEYS, aero_direct.KEYS),
         *(buoyancy.KEYS, *(known for known, _ in vehicle.PROPULSION.values())),
     ],
 )

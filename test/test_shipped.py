@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flightdyn.planning.planner import Planner
-from flightdyn.planning.problem import load_problem
+from flightdyn.planning.problem_file import load_problem
 from flightdyn.resources import list_configs
 from flightdyn.simulation.scenario import load_scenario
 

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from flightdyn.planning.planner import Planner
-from flightdyn.planning.problem import Problem, load_problem
+from flightdyn.planning.problem import Problem
+from flightdyn.planning.problem_file import load_problem
 from flightdyn.planning.remedies import perturbed
 from flightdyn.planning.report import Plan
 from flightdyn.planning.solver import Solver

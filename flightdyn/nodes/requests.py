@@ -7,7 +7,8 @@ import numpy as np
 from ..config import suggestion
 from ..dynamics.stage import Stage
 from ..errors import InputError
-from ..planning.problem import Problem, load_problem
+from ..planning.problem import Problem
+from ..planning.problem_file import load_problem
 from ..resources import find_config, list_configs
 from ..trajectory import Columns
 from ..vehicles.vehicle import Vehicle, load_vehicle

@@ -1,11 +1,13 @@
 """Derivatives of the stage function, as solvers take them."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import casadi as cas
 
 from ..dynamics.opaque import differentiated
 from ..dynamics.stage import Outline, Stage
+from .compiled import compiled
 
 Three = tuple[cas.Function, cas.Function, cas.Function]
 
@@ -55,6 +57,18 @@ def outputs(stage: Stage, names: Sequence[str]) -> Three:
     rows = [stage.outputs.index(name) for name in names]
     w = cas.vertcat(outline.x, outline.u, outline.p[3])
     return _three('output', outline.outputs[rows], w, outline)
+
+
+@lru_cache(maxsize=64)
+def compiled_increments(stage: Stage, names: tuple[str, ...] = ()) -> list[cas.Function]:
+    """Return `increments`, compiled where that pays; made once for a stage."""
+    return compiled(increments(stage, names))
+
+
+@lru_cache(maxsize=64)
+def compiled_outputs(stage: Stage, names: tuple[str, ...]) -> list[cas.Function]:
+    """Return `outputs`, compiled where that pays; made once for a stage."""
+    return compiled(outputs(stage, names))
 
 
 def _three(name: str, expression: cas.SX, w: cas.SX, outline: Outline) -> Three:

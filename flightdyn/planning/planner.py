@@ -1,5 +1,6 @@
 """From a problem to a verified plan."""
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -51,6 +52,9 @@ class Planner:
         multiple shooting, all get twice the substeps. A bang-bang plan is planned again with its
         switches free. What is tried when a solve fails, in this order, is in `REMEDIES`.
 
+        Limits of the vehicle's outputs that the problem does not name are looked at afterwards,
+        and kept in a second solve where the first one left them.
+
         The same problem and arguments give the same plan, whatever was planned before.
 
         Parameters
@@ -68,6 +72,28 @@ class Planner:
         should_stop : function returning a bool
             Asked after each iteration; True cancels.
         """
+        watched = on_iteration, should_stop
+        started = time.perf_counter()
+        full = near is not None and near.attempt is not None and not near.attempt.problem.aside
+        if not problem.aside and not full:
+            lean = problem.without_limits()
+            if lean.aside:
+                plan = self._plan(lean, near, multistart, seed, *watched)
+                if not lean.beyond_limits(plan.trajectory):
+                    return plan
+                left = problem.max_wall_time - (time.perf_counter() - started)
+                problem = replace(problem, max_wall_time=max(left, 1e-3))
+        return self._plan(problem, near, multistart, seed, *watched)
+
+    def _plan(
+        self,
+        problem: Problem,
+        near: Plan | None,
+        multistart: int | None,
+        seed: int,
+        on_iteration: OnIteration | None,
+        should_stop: Callable[[], bool] | None,
+    ) -> Plan:
         run = Run(self._programmes, problem, on_iteration, should_stop)
         found = run.near(near) if near is not None else None
         if found is not None:
@@ -102,7 +128,7 @@ def _remedied(run: Run, first: Checked, seed: int) -> tuple[Checked, list[dict[s
     nearest: Checked | None = None
 
     def barrier() -> Checked:
-        other = 'adaptive' if strategy_of(mesh) == 'monotone' else 'monotone'
+        other = 'adaptive' if strategy_of(problem, mesh) == 'monotone' else 'monotone'
         return run.solve(problem, mesh, strategy=other, most_iterations=MAX_TRIED)
 
     def from_nearest() -> Checked:

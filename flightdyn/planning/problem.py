@@ -4,24 +4,17 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
 from ..config import (
-    check_keys,
-    load_yaml,
-    number,
-    parse_yaml,
     suggestion,
-    text,
-    whole_number,
 )
 from ..dynamics.stage import KINEMATICS, Model, Stage
 from ..errors import InputError
-from ..resources import find_config
 from ..trajectory import Trajectory
-from ..vehicles.fields import IN_DEGREES, in_degrees, named_bounds
-from ..vehicles.vehicle import Vehicle, load_vehicle
+from ..vehicles.vehicle import Vehicle
 from .mesh import (
     CONTROL_INTERPOLATIONS,
     METHODS,
@@ -30,7 +23,7 @@ from .mesh import (
     Spacing,
     check_spacing,
 )
-from .objective import TIME, Objective, parse_objective, trace
+from .objective import TIME, Objective, trace
 
 Bounds = Mapping[str, tuple[float, float]]
 
@@ -39,13 +32,6 @@ MAX_NODES = 5000
 UNBOUNDED = (-math.inf, math.inf)
 MAX_PHASES = 50
 MAX_STARTS = 1000
-CONDITIONS = ('duration', 'initial', 'final', 'path', 'guess', 'nodes')
-KEYS = (
-    *('description', 'vehicle', 'model', 'objective', 'phases', *CONDITIONS),
-    *('wind_ned', 'control_interpolation', 'transcription', 'spacing', 'refine', 'sharpen'),
-    'multistart',
-    *('tolerance', 'max_wall_time'),
-)
 CHOICES: Mapping[str, tuple[str, ...]] = {
     'control_interpolation': CONTROL_INTERPOLATIONS,
     'transcription': ('auto', *METHODS),
@@ -122,6 +108,8 @@ class Problem:
         Largest allowed error of the plan when flown again, as a fraction of each state's range
         (of 1, in SI units, for states that move less).
     max_wall_time : float [s]
+    aside : names
+        Outputs whose bounds are left out, see `without_limits`.
 
     Raises
     ------
@@ -151,6 +139,7 @@ class Problem:
     sharpen: bool = True
     tolerance: float = 1e-4
     max_wall_time: float = 60.0
+    aside: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         for group in ('initial', 'final', 'path'):
@@ -288,9 +277,9 @@ class Problem:
                 Phase(
                     duration=self.duration,
                     duration_guess=self.duration_guess,
-                    initial=self.initial,
-                    final=self.final,
-                    path=self.path,
+                    initial=self._calmed('initial', self.initial),
+                    final=self._calmed('final', self.final),
+                    path=self._calmed('path', self.path),
                     guess=self.guess,
                     nodes=self.nodes,
                 ),
@@ -299,9 +288,13 @@ class Problem:
         return tuple(
             replace(
                 phase,
-                initial=_tightened(self.initial if i == 0 else {}, phase.initial),
-                final=_tightened(self.final if i == last else {}, phase.final),
-                path=_tightened(self.path, phase.path),
+                initial=self._calmed(
+                    'initial', _tightened(self.initial if i == 0 else {}, phase.initial)
+                ),
+                final=self._calmed(
+                    'final', _tightened(self.final if i == last else {}, phase.final)
+                ),
+                path=self._calmed('path', _tightened(self.path, phase.path)),
             )
             for i, phase in enumerate(self.phases)
         )
@@ -328,8 +321,9 @@ class Problem:
                 (self._own.get(name, UNBOUNDED), f'what {self.vehicle.name} can do,'),
             ):
                 if lower > bounds[1] or upper < bounds[0]:
+                    said = f'{group}.{self._said(group, name)}'
                     raise InputError(
-                        f'{self.name}: {group}.{name}: [{lower:g}, {upper:g}] lies outside '
+                        f'{self.name}: {said}: [{lower:g}, {upper:g}] lies outside '
                         f'{whose} [{bounds[0]:g}, {bounds[1]:g}]'
                     )
 
@@ -338,6 +332,30 @@ class Problem:
         stage = self.stage
         return (*stage.states, *stage.controls, *stage.outputs)
 
+    def _said(self, group: str, name: str) -> str:
+        """Return what a bounded quantity is called where it stands: see `_calmed`."""
+        kind = group.rpartition('.')[2]
+        given = [getattr(each, kind) for each in (self, *self.phases)]
+        meant = name == 'speed' and not any('speed' in bounds for bounds in given)
+        return 'airspeed' if meant and any('airspeed' in bounds for bounds in given) else name
+
+    def _calmed(self, group: str, given: Bounds) -> Bounds:
+        """Return bounds with those of the airspeed as bounds of the speed where air is still.
+
+        A bound of a state costs nothing, one of an output its derivatives.
+        """
+        still = not any(self.wind_ned) and self.model.wind is None
+        if 'airspeed' not in given or not still or 'speed' not in self.model.states:
+            return given
+        rest = {name: bounds for name, bounds in given.items() if name != 'airspeed'}
+        lower, upper = _common(given['airspeed'], rest.get('speed', UNBOUNDED))
+        if lower > upper:
+            raise InputError(
+                f'{self.name}: {group}: airspeed and speed contradict each other: without wind '
+                'they are the same'
+            )
+        return {**rest, 'speed': (lower, upper)}
+
     @cached_property
     def _own(self) -> dict[str, tuple[float, float]]:
         """What the vehicle can do and stand, and where its aerodynamics are known."""
@@ -345,15 +363,41 @@ class Problem:
         for group in (self.model.controls, self.vehicle.limits, self.vehicle.box):
             for name, given in self._down('limits', group).items():
                 found[name] = _common(found.get(name, UNBOUNDED), given)
-        return found
+        return dict(self._calmed('limits', found))
 
     def bounded(self, leg: int = 0) -> dict[str, tuple[float, float]]:
         """Bounds along a phase of every quantity that has some, the vehicle's own included."""
         path = self.legs[leg].path
         names = {**path, **self._own}
         known = self._quantities if set(names) - set(self.model.states) else self.model.states
-        every = {name: self.limits(name, leg) for name in names if name in known}
+        kept = (name for name in names if name in known and name not in self.aside)
+        every = {name: self.limits(name, leg) for name in kept}
         return {name: limits for name, limits in every.items() if limits != UNBOUNDED}
+
+    def without_limits(self) -> 'Problem':
+        """Return the problem without those limits of the vehicle's outputs that nobody named.
+
+        Such as of the load factor: flights seldom come near it, and keeping it costs as much as
+        a third of a solve. Whoever solves this has to look afterwards, see `beyond_limits`.
+        """
+        asked = {
+            name
+            for leg in self.legs
+            for group in (leg.initial, leg.final, leg.path)
+            for name in group
+        }
+        own = {name for name in self._own if name in self.stage.outputs}
+        return replace(self, aside=frozenset(own - asked))
+
+    def beyond_limits(self, flight: Trajectory) -> bool:
+        """Return whether a flight leaves limits that were set aside."""
+        for name in self.aside:
+            lower, upper = self.limits(name)
+            column = flight[name]
+            beyond = max(float((lower - column).max()), float((column - upper).max()))
+            if beyond > self.tolerance * max(float(np.ptp(column)), 1.0):
+                return True
+        return False
 
     def limits(self, name: str, leg: int = 0) -> tuple[float, float]:
         """Return the bounds of a quantity along a phase, the vehicle's own included."""
@@ -391,149 +435,6 @@ def _tightened(outer: Bounds, inner: Bounds) -> Bounds:
 
 def _common(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
     return max(a[0], b[0]), min(a[1], b[1])
-
-
-def load_problem(
-    name: str, settings: Sequence[str] = (), config_dir: str | Path | None = None
-) -> Problem:
-    """Return a problem by the path of its YAML file or its name in config/problems.
-
-    Parameters
-    ----------
-    settings : sequence of 'KEY=VALUE'
-        Override entries of the file; KEY may go down with dots (`final.x_e=2`), VALUE is YAML.
-
-    Raises
-    ------
-    InputError
-        If it is not there, or has an unknown key or a value out of range; the message names file
-        and key.
-    """
-    path = (
-        Path(name)
-        if name.endswith(('.yaml', '.yml'))
-        else find_config('problems', name, config_dir)
-    )
-    document = load_yaml(path)
-    for setting in settings:
-        _apply(document, setting)
-    return _problem(path, check_keys(document, KEYS, str(path)), config_dir)
-
-
-def _apply(document: dict[str, Any], setting: str) -> None:
-    key, equals, value = setting.partition('=')
-    if not equals or not key:
-        raise InputError(f"--set {setting}: expected KEY=VALUE, such as 'final.x_e=2'")
-    *parents, last = key.split('.')
-    node: Any = document
-    for parent in parents:
-        node = node.setdefault(parent, {})
-        if not isinstance(node, dict):
-            raise InputError(f'--set {setting}: {parent} is not a mapping')
-    node[last] = parse_yaml(value, f'--set {setting}')
-
-
-def _problem(path: Path, document: dict[str, Any], config_dir: str | Path | None) -> Problem:
-    phases = tuple(_phases(document.get('phases', {}), f'{path}: phases'))
-    for key in ('vehicle',) if phases else ('vehicle', 'duration'):
-        if key not in document:
-            raise InputError(f"{path}: '{key}' is missing")
-    if phases and 'nodes' in document:
-        raise InputError(f'{path}: nodes: give each phase its own')
-    wind = document.get('wind_ned', [0, 0, 0])
-    if not isinstance(wind, list):
-        raise InputError(f'{path}: wind_ned: expected [north, east, down], got {wind!r}')
-    conditions = _conditions(document, str(path), phases)
-    defaults = Problem.__dataclass_fields__
-    chosen = {
-        key: document[key] for key in (*CHOICES, 'spacing', 'refine', 'sharpen') if key in document
-    }
-    if 'multistart' in document:
-        chosen['multistart'] = whole_number(
-            document['multistart'], f'{path}: multistart', lower=1, upper=MAX_STARTS
-        )
-    for key in ('tolerance', 'max_wall_time'):
-        chosen[key] = number(document.get(key, defaults[key].default), f'{path}: {key}')
-    return Problem(
-        name=path.stem,
-        vehicle=_vehicle(path, document, config_dir),
-        description=text(document.get('description', ''), f'{path}: description'),
-        objective=parse_objective(document.get('objective', 'time'), f'{path}: objective'),
-        phases=phases,
-        wind_ned=tuple(number(w, f'{path}: wind_ned') for w in wind),
-        **conditions,
-        **chosen,
-    )
-
-
-def _conditions(
-    document: Mapping[str, Any], where: str, phases: Sequence[Phase] = ()
-) -> dict[str, Any]:
-    """Return what a problem and a phase have in common, as arguments of either."""
-
-    def named(key: str) -> dict[str, Any]:
-        value = document.get(key, {})
-        if not isinstance(value, Mapping):
-            raise InputError(f'{where}: {key}: expected names and values, got {value!r}')
-        return {str(k): v for k, v in value.items()}
-
-    found: dict[str, Any] = {
-        group: {k: named_bounds(k, v, f'{where}: {group}.{k}') for k, v in named(group).items()}
-        for group in ('initial', 'final', 'path')
-    }
-    found['guess'] = {k: _points(k, v, f'{where}: guess.{k}') for k, v in named('guess').items()}
-    if 'nodes' in document:
-        found['nodes'] = whole_number(
-            document['nodes'], f'{where}: nodes', lower=1, upper=MAX_NODES
-        )
-    if 'duration' in document or not phases:
-        if 'duration' not in document:
-            raise InputError(f"{where}: 'duration' is missing")
-        lower, upper, guess = _duration(document['duration'], f'{where}: duration')
-    else:
-        lower, upper = (sum(phase.duration[i] for phase in phases) for i in range(2))
-        guess = sum(phase.duration_guess for phase in phases)
-    return {**found, 'duration': (lower, upper), 'duration_guess': guess}
-
-
-def _phases(value: Any, where: str) -> list[Phase]:
-    """Return phases of a mapping of names to conditions, in its order."""
-    if not isinstance(value, Mapping):
-        raise InputError(f'{where}: expected names and conditions of phases, got {value!r}')
-    return [
-        Phase(
-            name=str(name),
-            **_conditions(check_keys(given, CONDITIONS, f'{where}.{name}'), f'{where}.{name}'),
-        )
-        for name, given in value.items()
-    ]
-
-
-def _vehicle(path: Path, document: dict[str, Any], config_dir: str | Path | None) -> Vehicle:
-    vehicle = load_vehicle(text(document['vehicle'], f'{path}: vehicle'), config_dir)
-    if 'model' not in document:
-        return vehicle
-    return vehicle.with_model(text(document['model'], f'{path}: model'))
-
-
-def _duration(value: Any, where: str) -> tuple[float, float, float]:
-    """Return (lower, upper, guess) [s] of a number, or of a mapping that has the three."""
-    if not isinstance(value, Mapping):
-        fixed = number(value, where)
-        return fixed, fixed, fixed
-    keys = ('lower', 'upper', 'guess')
-    given = check_keys(value, keys, where)
-    for key in keys:
-        if key not in given:
-            raise InputError(f"{where}: '{key}' is missing")
-    lower, upper, guess = (number(given[key], f'{where}.{key}') for key in keys)
-    return lower, upper, guess
-
-
-def _points(name: str, value: Any, where: str) -> tuple[float, ...]:
-    values = value if isinstance(value, list) else [value]
-    read = in_degrees if name in IN_DEGREES else number
-    return tuple(read(v, where) for v in values)
 
 
 _stages: dict[str, Stage] = {}

@@ -35,13 +35,14 @@ def first_mesh(problem: Problem) -> Mesh:
     )
 
 
-def strategy_of(mesh: Mesh) -> str:
-    """Return the solver's strategy that suits a mesh.
+def strategy_of(problem: Problem, mesh: Mesh) -> str:
+    """Return the solver's strategy that suits a problem on a mesh.
 
-    With held controls the optimum often lies at their limits throughout, where lowering the
-    barrier step by step is the surer way; else adapting it takes half the iterations.
+    With held controls between limits the optimum often lies at these throughout, where lowering
+    the barrier step by step is the surer way; else adapting it takes half the iterations.
     """
-    return 'monotone' if mesh.held else 'adaptive'
+    limits = [problem.limits(name) for name in problem.stage.controls]
+    return 'monotone' if mesh.held and np.isfinite(limits).all() else 'adaptive'
 
 
 def finer(
@@ -102,16 +103,24 @@ def resampled(attempt: Attempt, layout: Layout) -> Array:
     fill(layout.nodes[:, None, :-1], np.zeros(1), states, at)
     fill(layout.nodes[:, None, 1:], np.ones(1), states, at)
     fill(layout.steering, mesh.control_positions, steering, steered_at)
-    outputs = {
-        name: [v for v, each in zip(old.outputs, old.bounded, strict=True) if each.name == name]
-        for name in {each.name for each in old.bounded}
-    }
-    for variable, each in zip(layout.outputs, layout.bounded, strict=True):
-        known = outputs.get(each.name, [])
-        there = [old.fraction(v) for v in known]
-        column = [attempt.values[v] for v in known]
-        mine = each.phase + mesh.begin[each.interval] + each.position * mesh.length[each.interval]
-        order = np.argsort([a[0] + a[1] for a in there if a is not None])
-        times = np.array([a[0] + a[1] for a in there if a is not None])[order]
-        values[variable] = np.interp(mine, times, np.array(column)[order]) if known else 0.0
+    names, known = (np.array([each.name for each in of.bounded]) for of in (layout, old))
+    at_new, at_old = _when(layout), _when(old)
+    for name in np.unique(names):
+        mine, theirs = names == name, known == name
+        if theirs.any():
+            order = np.argsort(at_old[theirs], kind='stable')
+            column = attempt.values[old.outputs[theirs]][order]
+            values[layout.outputs[mine]] = np.interp(at_new[mine], at_old[theirs][order], column)
+    for row in range(layout.rates.shape[0]):
+        steps_new, steps_old = (np.linspace(0, 1, each.rates.shape[1]) for each in (layout, old))
+        values[layout.rates[row]] = np.interp(steps_new, steps_old, attempt.values[old.rates[row]])
     return values
+
+
+def _when(layout: Layout) -> Array:
+    """Return phase and fraction of it, added up, of each bounded output (ny,)."""
+    mesh, bounded = layout.mesh, layout.bounded
+    interval = np.array([each.interval for each in bounded], dtype=np.int64)
+    position = np.array([each.position for each in bounded])
+    when: Array = mesh.phase[interval] + mesh.begin[interval] + position * mesh.length[interval]
+    return when

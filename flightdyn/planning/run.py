@@ -100,7 +100,7 @@ class Run:
                 problem,
                 start,
                 max_wall_time=self.left,
-                strategy=strategy or strategy_of(mesh),
+                strategy=strategy or strategy_of(problem, mesh),
                 multipliers=multipliers,
                 most_iterations=most_iterations,
                 on_iteration=self.on_iteration,

@@ -12,8 +12,7 @@ import casadi as cas
 from ..dynamics.stage import Stage
 from ..simulation.integrator import rk4_step
 from .assembly import differentiated
-from .compiled import compiled
-from .increments import increments
+from .increments import compiled_increments
 
 WEIGHTS = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
 AHEAD = (0.0, 0.5, 0.5, 1.0)  # of a step: where the stages of RK4 stand, and how far they reach
@@ -49,7 +48,7 @@ def chained(stage: Stage, substeps: int, *, linear: bool) -> Functions:
     """Return the same as `flight`, whatever the stage's size."""
     nx, nu = len(stage.states), len(stage.controls)
     ends = 1 + linear
-    increment, slope, bend = compiled(increments(stage))
+    increment, slope, bend = compiled_increments(stage)
     nz = nx + ends * nu + 2
     z, wind, lam = cas.MX.sym('z', nz), cas.MX.sym('wind', 3), cas.MX.sym('lam', nx)
     x0, *u, time, h = cas.vertsplit(

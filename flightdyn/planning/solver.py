@@ -19,6 +19,10 @@ OPTIONS: dict[str, Any] = {
     'ipopt.sb': 'yes',
     'ipopt.max_iter': MAX_ITERATIONS,
     'ipopt.tol': 1e-8,
+    # variables and constraints are scaled: MUMPS' own search for scalings only takes time
+    'ipopt.mumps_permuting_scaling': 0,
+    'ipopt.mumps_scaling': 0,
+    'ipopt.mumps_pivot_order': 0,
     'print_time': False,
     'calc_lam_p': False,
     'calc_lam_x': False,

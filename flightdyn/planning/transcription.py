@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from ..dynamics.stage import Stage
 from .assembly import Block, Cost, Triplets, assemble, differentiated
-from .compiled import compiled
-from .increments import increments, outputs
+from .increments import compiled_increments, compiled_outputs
 from .layout import Layout, Structure
 from .mesh import scheme
 from .objective import trace, with_integrals
@@ -161,7 +160,7 @@ class Transcription:
                 weights.add(self._output_rows[i], column, 1.0)
                 self._put_out.add(i)
         self._tie_first_control()
-        functions = compiled(increments(self.flying, names))
+        functions = compiled_increments(self.flying, names)
         return functions, select, first * nz, weights
 
     def _tie_first_control(self) -> None:
@@ -230,7 +229,7 @@ class Transcription:
             number[b.interval, b.position] * len(names) + names.index(b.name) for b in bounded
         ]
         weights.add(self._output_rows[left], np.array(column), 1.0)
-        return [(compiled(outputs(self.stage, names)), select, k.size * nz, weights)]
+        return [(compiled_outputs(self.stage, names), select, k.size * nz, weights)]
 
     def _rates(self) -> list[Any]:
         """Return the block of the controls' rates: rate times time is the change."""

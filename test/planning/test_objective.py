@@ -9,7 +9,7 @@ import pytest
 from flightdyn.errors import InputError, ResultCode
 from flightdyn.planning.objective import TIME, maximize, minimize, parse_objective, trace
 from flightdyn.planning.planner import Planner
-from flightdyn.planning.problem import load_problem
+from flightdyn.planning.problem_file import load_problem
 from flightdyn.planning.report import Plan
 from flightdyn.vehicles.vehicle import load_vehicle
 

@@ -7,7 +7,8 @@ import pytest
 
 from flightdyn.errors import InputError, ResultCode
 from flightdyn.planning.planner import Planner
-from flightdyn.planning.problem import Problem, load_problem
+from flightdyn.planning.problem import Problem
+from flightdyn.planning.problem_file import load_problem
 
 # 1 kg on a line, pushed with up to 20 N either way
 CART = """

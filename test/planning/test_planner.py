@@ -10,7 +10,7 @@ import pytest
 from flightdyn.errors import InputError, ResultCode
 from flightdyn.planning.plan_file import plan_document, read_plan
 from flightdyn.planning.planner import REMEDIES, Planner
-from flightdyn.planning.problem import load_problem
+from flightdyn.planning.problem_file import load_problem
 from flightdyn.planning.samples import Path as Way
 from flightdyn.planning.verify import compare, refly
 from flightdyn.resources import list_configs
@@ -143,7 +143,9 @@ def test_turning_back_is_solved_verified_and_near_the_optimum(planner: Planner) 
     assert report.objective == pytest.approx(45.641, abs=0.01)
     assert report.final_time == pytest.approx(16.58, abs=0.05)
     flown = plan.trajectory
-    assert flown['speed'].min() > 23 - 1e-3
+    # kept at nodes and points; what happens between is told
+    assert flown['speed'].min() > 23 - 0.02
+    assert [said.split()[0] for said in report.warnings] == ['speed']
     assert np.abs(flown['bank']).max() < np.radians(60) + 1e-6
     assert flown['alpha'].max() < 12 + 1e-6
 

@@ -1,5 +1,7 @@
 """Problems: what they accept, what they refuse, and what they make of it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from flightdyn.errors import InputError, ResultCode
 from flightdyn.planning.guess import guess_columns, guess_durations
 from flightdyn.planning.objective import TIME, maximize
 from flightdyn.planning.planner import Planner
-from flightdyn.planning.problem import load_problem
+from flightdyn.planning.problem_file import load_problem
 
 FLIP = 'quadcopter_flip'
 
@@ -68,12 +70,42 @@ def test_alpha_is_in_degrees_as_everywhere() -> None:
 
 def test_what_the_vehicle_stands_is_bounded_too() -> None:
     glide = load_problem('cessna152_glide', ['path.airspeed=[30, 200]'])
-    assert glide.limits('airspeed')[0] == 30
-    assert glide.limits('airspeed')[1] < 77  # never exceed, and where its aerodynamics are known
+    # in still air the speed over the ground is that through the air
+    assert glide.limits('speed')[0] == 30
+    assert glide.limits('speed')[1] < 77  # never exceed, and where its aerodynamics are known
     assert glide.limits('alpha') == (-5, 15)
     assert glide.bounded()['load_factor'] == (-1.76, 4.4)
     with pytest.raises(InputError, match=r'path\.airspeed: .* outside what cessna152 can do'):
         load_problem('cessna152_glide', ['path.airspeed=[100, 200]'])
+
+
+def test_in_wind_the_airspeed_is_bounded_itself() -> None:
+    settings = ['path.airspeed=[30, 200]', 'path.speed=[10, 90]']
+    calm = load_problem('cessna152_glide', settings)
+    windy = calm.with_changes(wind_ned=(5.0, 0.0, 0.0))
+    assert 'airspeed' not in calm.bounded()
+    assert calm.limits('speed')[0] == windy.limits('airspeed')[0] == 30
+    assert windy.limits('speed') == (10, 90)
+    with pytest.raises(InputError, match='airspeed and speed contradict each other'):
+        load_problem('cessna152_glide', ['path.airspeed=[30, 40]', 'path.speed=[50, 60]'])
+
+
+def test_limits_that_nobody_named_are_set_aside_and_looked_at() -> None:
+    problem = load_problem('cessna152_glide')
+    lean = problem.without_limits()
+    assert lean.aside == {'load_factor'}
+    assert 'load_factor' not in lean.bounded()
+    asked = load_problem('cessna152_glide', ['path.load_factor=[0.5, 2]'])
+    assert asked.without_limits().aside == frozenset()
+    planner = Planner()
+    plan = planner.plan(problem)
+    assert not lean.beyond_limits(plan.trajectory)
+    loads = plan.trajectory['load_factor']
+    tight = replace(problem.vehicle, limits={'load_factor': (0.0, float(loads.max()) - 0.05)})
+    kept = planner.plan(replace(problem, vehicle=tight))
+    assert kept.report.verified, kept.report.message
+    assert kept.trajectory['load_factor'].max() < loads.max() - 0.04
+    assert kept.report.objective < plan.report.objective
 
 
 def test_another_class_may_fly_the_vehicle() -> None:

@@ -10,7 +10,7 @@ from flightdyn.planning.layout import Structure
 from flightdyn.planning.mesh import METHODS, ORDERS, Mesh, lagrange, scheme, spaced
 from flightdyn.planning.objective import TIME, maximize, minimize
 from flightdyn.planning.planner import Planner
-from flightdyn.planning.problem import load_problem
+from flightdyn.planning.problem_file import load_problem
 from flightdyn.planning.transcription import Transcription
 from flightdyn.vehicles.vehicle import load_vehicle
 
