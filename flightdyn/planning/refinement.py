@@ -66,7 +66,7 @@ def finer(
     np.maximum.at(local, interval, np.nan_to_num(np.abs(misses).max(axis=0), nan=1.0))
     # flown in a row the intervals' errors add up, or grow
     growth = max(worst / max(local.sum(), 1e-300), 1.0)
-    wanted = 0.5 * tolerance / (growth * mesh.intervals)
+    wanted = max(0.5 * tolerance / (growth * mesh.intervals), 1e-200)  # if it flew off
     parts = np.ceil((local / wanted) ** (1 / (ORDERS[mesh.method] + 1)))
     parts = np.clip(np.nan_to_num(parts, nan=MAX_PARTS), 1, MAX_PARTS).astype(int)
     if parts.max() == 1:

@@ -41,6 +41,7 @@ STRATEGIES: dict[str, dict[str, Any]] = {
     },
     'warm': {
         'ipopt.warm_start_init_point': 'yes',
+        'ipopt.tol': 1e-7,  # of plans made anew every moment
         'ipopt.mu_init': 1e-4,
         'ipopt.mu_strategy': 'adaptive',
         'ipopt.warm_start_bound_push': 1e-6,
