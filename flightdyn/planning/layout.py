@@ -155,6 +155,18 @@ class Layout:
         return self.controls[:, first + np.arange(steps + 1)[:, None]]
 
     @cached_property
+    def reached(self) -> Index:
+        """Variables of the states at the points of each interval, its end last (nx, s, n)."""
+        return np.concatenate([self.inside, self.nodes[:, None, 1:]], axis=1)
+
+    @cached_property
+    def ends(self) -> Index:
+        """What an objective depends on but for integrals, see `objective.Costs`."""
+        first, last = self.steering[:, 0, 0], self.steering[:, -1, -1]
+        states = self.nodes[:, 0], self.nodes[:, -1]
+        return np.concatenate([states[0], first, states[1], last, self.durations])
+
+    @cached_property
     def kinds(self) -> NDArray[np.object_]:
         """Name of the quantity that each variable is a value of (size,)."""
         kinds = np.empty(self.size, object)

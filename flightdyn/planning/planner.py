@@ -78,12 +78,10 @@ class Planner:
         if not problem.aside and not full:
             lean = problem.without_limits()
             if lean.aside:
-                plan = self._plan(lean, near, multistart, seed, *watched)
-                if not lean.beyond_limits(plan.trajectory):
+                plan = self._plan(lean, near, multistart, seed, started, *watched)
+                if not (plan.report.converged and lean.beyond_limits(plan.trajectory)):
                     return plan
-                left = problem.max_wall_time - (time.perf_counter() - started)
-                problem = replace(problem, max_wall_time=max(left, 1e-3))
-        return self._plan(problem, near, multistart, seed, *watched)
+        return self._plan(problem, near, multistart, seed, started, *watched)
 
     def _plan(
         self,
@@ -91,10 +89,11 @@ class Planner:
         near: Plan | None,
         multistart: int | None,
         seed: int,
+        started: float,
         on_iteration: OnIteration | None,
         should_stop: Callable[[], bool] | None,
     ) -> Plan:
-        run = Run(self._programmes, problem, on_iteration, should_stop)
+        run = Run(self._programmes, problem, started, on_iteration, should_stop)
         found = run.near(near) if near is not None else None
         if found is not None:
             return run.finish(found)

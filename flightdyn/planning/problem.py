@@ -378,7 +378,8 @@ class Problem:
         """Return the problem without those limits of the vehicle's outputs that nobody named.
 
         Such as of the load factor: flights seldom come near it, and keeping it costs as much as
-        a third of a solve. Whoever solves this has to look afterwards, see `beyond_limits`.
+        a third of a solve. Whoever solves this has to look afterwards, see `beyond_limits`. The
+        box of the aerodynamics stays: outside it a solver finds flights that cannot be.
         """
         asked = {
             name
@@ -387,7 +388,7 @@ class Problem:
             for name in group
         }
         own = {name for name in self._own if name in self.stage.outputs}
-        return replace(self, aside=frozenset(own - asked))
+        return replace(self, aside=frozenset(own - asked - set(self.vehicle.box)))
 
     def beyond_limits(self, flight: Trajectory) -> bool:
         """Return whether a flight leaves limits that were set aside."""

@@ -202,8 +202,9 @@ def _in_units(on_iteration: OnIteration | None, price: float) -> OnIteration | N
 class Programmes:
     """Programmes by structure, for any number of threads at once.
 
-    Neither a solver object of CasADi nor the functions that it evaluates may be used by two
-    threads at once: of each structure there are as many programmes as were needed at a time.
+    A solver object of CasADi may not be used by two threads at once: of each structure there are
+    as many programmes as were needed at a time. They share the stage's functions, which keep
+    nothing from one evaluation to the next.
     """
 
     def __init__(self, most: int) -> None:

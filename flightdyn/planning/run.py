@@ -46,18 +46,25 @@ class Checked:
 
 
 class Run:
-    """One request on its way: what it has taken so far, and its solves."""
+    """One request on its way: what it has taken so far, and its solves.
+
+    Parameters
+    ----------
+    started : float
+        When the request came, by `time.perf_counter` [s].
+    """
 
     def __init__(
         self,
         programmes: Programmes,
         problem: Problem,
+        started: float,
         on_iteration: OnIteration | None = None,
         should_stop: Callable[[], bool] | None = None,
     ) -> None:
         self.problem, self.programmes = problem, programmes
         self.on_iteration, self.should_stop = on_iteration, should_stop
-        self.started = time.perf_counter()
+        self.started = started
         self.build_s, self.iterations = 0.0, 0
         self.remedies: list[str] = []
 
@@ -268,16 +275,7 @@ def _objective_error(
 ) -> tuple[float, float]:
     """Return how far an objective's integrals are off, in its terms, and what they amount to."""
     layout, costs = attempt.layout, transcription.costs
-    values = attempt.values
-    ends = np.concatenate(
-        [
-            values[layout.nodes[:, 0]],
-            values[layout.steering[:, 0, 0]],
-            values[layout.nodes[:, -1]],
-            values[layout.steering[:, -1, -1]],
-            values[layout.durations],
-        ]
-    )
+    ends = attempt.values[layout.ends]
     sums = flown[-costs.count :, -1]
     found, none = (
         float(costs.cost(np.concatenate([ends, each]), way.wind))

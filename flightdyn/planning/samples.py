@@ -79,9 +79,9 @@ def path(layout: Layout, values: Array, wind: Any, limits: Array) -> Path:
     begin = starts[mesh.phase] + mesh.begin * durations[mesh.phase]
     length = mesh.length * durations[mesh.phase]
     edges = np.concatenate([[0.0], mesh.points])
-    states = np.concatenate([layout.inside, layout.nodes[:, None, 1:]], axis=1)
+    states = values[layout.reached]
     planned = np.column_stack(
-        [values[layout.nodes[:, 0]], values[states].reshape(states.shape[0], -1, order='F')]
+        [values[layout.nodes[:, 0]], states.reshape(states.shape[0], -1, order='F')]
     )
     steering = values[layout.steering]
     parts = _parts(mesh, edges, steering, length / durations.sum())

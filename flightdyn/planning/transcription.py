@@ -17,7 +17,7 @@ from ..dynamics.stage import Stage
 from .assembly import Block, Cost, Triplets, assemble, differentiated
 from .increments import compiled_increments, compiled_outputs
 from .layout import Layout, Structure
-from .mesh import scheme
+from .mesh import lagrange, scheme
 from .objective import trace, with_integrals
 from .shooting import flight
 
@@ -104,8 +104,7 @@ class Transcription:
         names = tuple(dict.fromkeys(name for each in self.structure.along for name in each))
         nv, nz = nx + count + len(names), nx + count + nu + 2
         select, weights = Triplets(), Triplets()
-        # states at the points of each interval (nx, s, n), its end last
-        states = np.concatenate([layout.inside, layout.nodes[:, None, 1:]], axis=1)
+        states = layout.reached
         rows = self._new_rows(states)
         for i in range(s.points.size):
             for j in range(s.points.size):
@@ -174,9 +173,7 @@ class Transcription:
         first = mesh.edges[:-1]
         rows = self._new_rows(layout.steering[:, 0, first])
         self._linear.add(rows, layout.steering[:, 0, first], 1.0)
-        for i, c in enumerate(mesh.points):
-            others = np.delete(mesh.points, i)
-            share = np.prod(-others) / np.prod(c - others)
+        for i, share in enumerate(lagrange(mesh.points, np.zeros(1))[0]):
             self._linear.add(rows, layout.steering[:, i + 1, first], -share)
 
     def _select_controls(self, select: Triplets, rows: Index, k: Index, at: Any) -> None:
@@ -273,16 +270,7 @@ class Transcription:
 
     def _cost(self) -> Cost:
         layout = self.layout
-        picked = np.concatenate(
-            [
-                layout.nodes[:, 0],
-                layout.steering[:, 0, 0],
-                layout.nodes[:, -1],
-                layout.steering[:, -1, -1],
-                layout.durations,
-                layout.integrals,
-            ]
-        )
+        picked = np.concatenate([layout.ends, layout.integrals])
         select = Triplets()
         select.add(np.arange(picked.size), picked, 1.0)
         z, wind = (cas.SX.sym('zw'[i], self.costs.cost.size1_in(i)) for i in range(2))

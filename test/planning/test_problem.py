@@ -108,6 +108,20 @@ def test_limits_that_nobody_named_are_set_aside_and_looked_at() -> None:
     assert kept.report.objective < plan.report.objective
 
 
+def test_the_box_of_the_aerodynamics_is_never_set_aside() -> None:
+    """In wind the airspeed is an output like the load factor; outside its box nothing is known."""
+    windy = load_problem('cessna152_glide', ['wind_ned=[-5, 0, 0]'])
+    assert windy.without_limits().aside == {'load_factor'}
+    assert Planner().plan(windy).report.verified
+
+
+def test_a_second_solve_for_limits_has_the_first_ones_clock() -> None:
+    """What fails is not tried again with more limits, and the time told is the one asked for."""
+    report = Planner().plan(load_problem('cessna152_glide', ['max_wall_time=1e-6'])).report
+    assert report.code == ResultCode.TIME_LIMIT
+    assert 'max_wall_time = 1e-06 s' in report.message
+
+
 def test_another_class_may_fly_the_vehicle() -> None:
     turning = load_problem('cessna152_glide', ['model=DynamicsPointMass3DSpeedGammaTrack'])
     assert 'track' in turning.stage.states
