@@ -92,7 +92,7 @@ def _apart(
 
 def _unit(greatest: float) -> tuple[str, float]:
     """Return the unit for distances up to so many metres, and the factor to it."""
-    for least, unit, factor in ((1e-2, 'm', 1.0), (1e-5, 'mm', 1e3), (1e-8, 'um', 1e6)):
+    for least, unit, factor in ((1e-2, 'm', 1.0), (2e-5, 'mm', 1e3), (2e-8, 'um', 1e6)):
         if greatest >= least:
             return unit, factor
     return ('nm', 1e9) if greatest > 0 else ('m', 1.0)

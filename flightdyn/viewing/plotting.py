@@ -21,6 +21,7 @@ try:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
+    from matplotlib.ticker import MultipleLocator
 except ImportError as error:
     raise MissingExtraError('a figure', 'view') from error
 
@@ -214,6 +215,8 @@ def draw_columns(
                 )
         if name in about.limits:
             _dash(ax, values, np.array(about.limits[name]) * factor)
+        if name in ('track', 'psi') and np.ptp(values) > 180:
+            ax.yaxis.set_major_locator(MultipleLocator(90 if np.ptp(values) <= 270 else 180))
     mark_arcs(ax, about, names, per_second)
     few = len(names) < 3
     ax.set_ylabel(f'{", ".join(names)} [{unit}]' if few else f'[{unit}]')
@@ -222,9 +225,12 @@ def draw_columns(
 
 
 def _compass(degrees: Array) -> Array:
-    """Return angles without jumps if they span no more than a turn, else from 0 to 360."""
+    """Return angles about 0 without jumps if they span no more than a turn, else 0 to 360."""
     straight = np.unwrap(degrees, period=360)
-    return straight if np.ptp(straight) <= 360 else np.mod(degrees, 360)
+    if np.ptp(straight) > 360:
+        return np.mod(degrees, 360)
+    turns: Array = straight - 360 * np.floor(np.median(straight) / 360 + 0.5)
+    return turns
 
 
 def _std_of(trajectory: Trajectory, name: str) -> Array | None:
@@ -315,5 +321,5 @@ def draw_track(figure: Figure, ax: Axes, motion: Motion, values: Array, label: s
     mark_ends(ax, east, north)
     ax.set_aspect('equal', adjustable='datalim')
     ax.set(xlabel=f'y_e, east [{unit}]', ylabel=f'x_e, north [{unit}]')
-    figure.colorbar(lines, ax=ax, label=label, shrink=0.9, pad=0.02)
+    figure.colorbar(lines, ax=ax, label=label, shrink=0.9, pad=0.02, aspect=35)
     return scale

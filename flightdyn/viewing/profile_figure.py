@@ -147,7 +147,7 @@ def _audit(ax: Axes, motion: Motion, energy: Array, per_second: float) -> None:
     shown, factor = prefixed('m', float(np.abs(energy).max()))
     time, height, total = motion.time * per_second, motion.altitude * factor, energy * factor
     for i, part in enumerate(motion.segments):
-        names = ('energy height', 'altitude', 'of the speed') if i == 0 else (None, None, None)
+        names = ('energy height', 'altitude', 'V^2 / (2 g)') if i == 0 else (None, None, None)
         ax.fill_between(
             time[part], height[part], total[part], color=COLORS[4], alpha=0.3, lw=0,
             label=names[2],
