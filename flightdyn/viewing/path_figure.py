@@ -146,7 +146,7 @@ def _in_space(figure: Figure, place: SubplotSpec, motion: Motion) -> None:
     ax.plot(x[:1], y[:1], z[:1], 'o', color='black', ms=4)
     ax.plot(x[-1:], y[-1:], z[-1:], 's', color='black', mfc='white', ms=4)
     ax.set_box_aspect(
-        [np.ptp(edge) for edge in (ax.get_xlim(), ax.get_ylim(), ax.get_zlim())], zoom=1.25
+        [np.ptp(edge) for edge in (ax.get_xlim(), ax.get_ylim(), ax.get_zlim())], zoom=1.05
     )
     ax.set(xlabel=f'east [{unit}]', ylabel=f'north [{unit}]', zlabel=f'altitude [{unit}]')
     ax.tick_params(labelsize=6, pad=-1, colors=MUTED)

@@ -135,7 +135,11 @@ def _facts(trajectory: Trajectory, document: Mapping[str, Any]) -> list[str]:
     if 'verified' in document:
         found = f'objective {document["objective"]:.6g}, ' if document['converged'] else ''
         warned = [f'warning: {text}' for text in document.get('warnings', ())[:1]]
-        return [f'{found}{trajectory.duration:.4g} s: {document["message"]}', *warned]
+        return [
+            f'{found}{trajectory.duration:.4g} s: {document["message"]}',
+            *_wind(document.get('wind_ned', ())),
+            *warned,
+        ]
     if 'dropped' in document:
         dropped = sum(document['dropped'].values())
         lost = f', {dropped} dropped' if dropped else ''
@@ -148,6 +152,15 @@ def _facts(trajectory: Trajectory, document: Mapping[str, Any]) -> list[str]:
         flown = f'simulated, {len(trajectory)} samples over {_seconds(trajectory.duration)}'
         return [flown, f'{name} at most {apart[name]:.2g} off the plan'] if name else [flown]
     return []
+
+
+def _wind(blows: Sequence[float]) -> list[str]:
+    """Return in words a wind that is the same everywhere, if there is one."""
+    if len(blows) != 3 or not any(blows):
+        return []
+    north, east, _ = blows
+    origin = np.degrees(np.arctan2(-east, -north)) % 360
+    return [f'wind {np.linalg.norm(blows):.3g} m/s from {origin:.0f} deg']
 
 
 def _seconds(duration: float) -> str:
@@ -218,8 +231,8 @@ def draw_columns(
         if name in ('track', 'psi') and np.ptp(values) > 180:
             ax.yaxis.set_major_locator(MultipleLocator(90 if np.ptp(values) <= 270 else 180))
     mark_arcs(ax, about, names, per_second)
-    few = len(names) < 3
-    ax.set_ylabel(f'{", ".join(names)} [{unit}]' if few else f'[{unit}]')
+    # in two lines, as histories are low
+    ax.set_ylabel(f'{", ".join(names)}\n[{unit}]' if len(names) < 3 else f'[{unit}]')
     if len(names) > 1:
         legend_above(ax)
 

@@ -96,7 +96,8 @@ def profile_figure(
         if flat is not None:
             put_heading(figure, trajectory, about, *said, 'heights drawn larger than distances')
             figure.draw_without_rendering()  # lays the axes out below a heading as long as this
-            words = f'heights drawn {_stretch(scene, flat):.2g} times as large as distances'
+            larger = float(f'{_stretch(scene, flat):.2g}')
+            words = f'heights drawn {larger:g} times as large as distances'
             put_heading(figure, trajectory, about, *said, words)
         else:
             put_heading(figure, trajectory, about, *said)
@@ -154,7 +155,7 @@ def _audit(ax: Axes, motion: Motion, energy: Array, per_second: float) -> None:
         )  # fmt: skip
         ax.plot(time[part], total[part], color=COLORS[0], label=names[0])
         ax.plot(time[part], height[part], color=COLORS[2], ls='--', label=names[1])
-    ax.set_ylabel(f'height [{shown}]')
+    ax.set_ylabel(f'height\n[{shown}]')
     legend_above(ax)
 
 

@@ -79,7 +79,7 @@ def replay_figure(
                 _fit(ax, trajectory, names)
         datum = about.document.get('altitude_datum')
         if datum:
-            axes[0].set_ylabel(f'altitude\n{axes[0].get_ylabel().split()[-1]}, {datum}')
+            axes[0].set_ylabel(f'{axes[0].get_ylabel()}, {datum}')
         _mark_flights(axes, about, per_second)
         if lost is not None:
             _mark_lost(ground, axes[0], motion, lost, scale, per_second)

@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip('matplotlib')
 
-from flights import flip, soaring
+from flights import by_label, flip, soaring
 
 from flightdyn.errors import InputError
 from flightdyn.planning.solver import Iteration
@@ -17,7 +17,7 @@ from flightdyn.viewing import figures
 
 
 def labels(figure):
-    return [ax.get_ylabel() for ax in figure.axes] + [ax.get_xlabel() for ax in figure.axes]
+    return [*by_label(figure), *(ax.get_xlabel() for ax in figure.axes)]
 
 
 def test_flip_shows_path_thrusts_and_a_vehicle_tilted_as_flown():
@@ -100,10 +100,10 @@ def test_a_climb_is_drawn_upward_though_z_points_down() -> None:
     t = np.linspace(0, 10, 11)
     climb = Trajectory(time=t, states={'z_e': -3 * t, 'w_e': np.full(11, -3.0)})
     figure = figures.history_figure(climb)
-    shown = {ax.get_ylabel(): ax.lines[0].get_ydata()[-1] for ax in figure.axes}
+    shown = {label: ax.lines[0].get_ydata()[-1] for label, ax in by_label(figure).items()}
     assert shown == {'altitude [m]': 30.0, 'w_e [m/s]': -3.0}
     straight_up = figures.figure_for(climb)
-    shown = {ax.get_ylabel(): ax.lines[0].get_ydata()[-1] for ax in straight_up.axes}
+    shown = {label: ax.lines[0].get_ydata()[-1] for label, ax in by_label(straight_up).items()}
     assert shown == {'altitude [m]': 30.0, 'climb_rate [m/s]': 3.0}
 
 
@@ -116,7 +116,7 @@ def test_a_climb_shows_controls_and_the_states_that_change_in_large_units() -> N
         outputs={'speed': 0 * t + 3000},
     )
     figure = figures.climb_figure(rocket)
-    shown = {ax.get_ylabel(): ax.lines[0].get_ydata()[-1] for ax in figure.axes}
+    shown = {label: ax.lines[0].get_ydata()[-1] for label, ax in by_label(figure).items()}
     assert shown == pytest.approx(
         {'altitude [km]': 30, 'climb_rate [m/s]': 3000, 'thrust [MN]': 4, 'mass [t]': 300}
     )
@@ -127,7 +127,7 @@ def test_limits_are_dashed_where_the_flight_comes_near_them() -> None:
     flight = Trajectory(time=t, states={'gamma': 0.1 * np.sin(t)}, controls={'thrust': t / 10})
     limits = {'thrust': (0.0, 1.0), 'gamma': (-1.5, 0.12)}
     about = figures.About(limits=limits)
-    axes = {ax.get_ylabel(): ax for ax in figures.history_figure(flight, about=about).axes}
+    axes = by_label(figures.history_figure(flight, about=about))
     dashed = {label: [line.get_ydata()[0] for line in ax.lines[1:]] for label, ax in axes.items()}
     assert dashed == {'thrust [N]': [0, 1], 'gamma [deg]': [pytest.approx(np.degrees(0.12))]}
 
@@ -138,7 +138,7 @@ def test_every_other_arc_of_a_bang_bang_plan_is_shaded() -> None:
         for a in (0.0, 0.2, 0.4, 0.6)
     ]
     figure = figures.flip_figure(flip(), figures.About(document={'arcs': arcs}))
-    history = next(ax for ax in figure.axes if ax.get_ylabel() == 'thrust_left [N]')
+    history = by_label(figure)['thrust_left [N]']
     spans = [(p.get_x(), p.get_x() + p.get_width()) for p in history.patches]
     np.testing.assert_allclose(spans, [(0.2, 0.4), (0.6, 0.8)])
 
@@ -152,6 +152,11 @@ def test_a_heading_says_what_came_of_a_plan_and_alarms_if_it_is_none() -> None:
     text = good.get_text()
     assert text.startswith('quadcopter_flip (quadcopter)\n')
     assert 'objective 0.8, 0.8 s: solved and verified: x; warning: theta is high' in text
+    blown = figures.flip_figure(
+        flip(), figures.About(document={**document, 'wind_ned': [0.0, 5.0, 0.0]})
+    )
+    assert 'wind 5 m/s from 270 deg' in blown.get_suptitle()  # it blows to the east
+    assert 'wind' not in text
     failed = {**document, 'verified': False, 'converged': False, 'message': 'Infeasible: x_e'}
     bad = figures.flip_figure(flip(), figures.About(document=failed))._suptitle
     assert 'Infeasible: x_e' in bad.get_text() and 'objective' not in bad.get_text()

@@ -5,6 +5,8 @@ import pytest
 
 pytest.importorskip('matplotlib')
 
+from flights import by_label
+
 from flightdyn.environment.surroundings import (
     Cylinder,
     Gate,
@@ -50,10 +52,6 @@ SURROUNDINGS = Surroundings(
     gates=[Gate(name='gate', centre=(500.0, 500.0, 110.0), heading=0.0, width=60, height=40)],
     marks=[Mark(name='field', place=(0.0, 0.0, 0.0), radius=80.0)],
 )
-
-
-def by_label(figure):
-    return {ax.get_ylabel(): ax for ax in figure.axes}
 
 
 def test_a_flight_is_seen_from_above_over_what_stands_there() -> None:

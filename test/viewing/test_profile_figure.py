@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip('matplotlib')
 
-from flights import soaring
+from flights import by_label, soaring
 
 from flightdyn.errors import InputError
 from flightdyn.trajectory import Trajectory
@@ -35,7 +35,7 @@ def bottom(figure):
 
 def test_a_profile_is_coloured_by_airspeed_and_marks_what_it_is_told():
     figure = figures.profile_figure(glide(), marked={'alpha': 3.1})
-    labels = {ax.get_ylabel() for ax in figure.axes}
+    labels = set(by_label(figure))
     assert labels >= {
         *('altitude [m]', 'airspeed [m/s]', 'alpha [deg]', 'gamma [deg]'),
     }
@@ -43,7 +43,7 @@ def test_a_profile_is_coloured_by_airspeed_and_marks_what_it_is_told():
     assert scene.get_xlabel() == 'x_e [km]'  # 6 km
     colours = scene.collections[0].get_array()
     assert len(colours) == 100 and colours[0] == 62
-    alpha = next(ax for ax in figure.axes if ax.get_ylabel() == 'alpha [deg]')
+    alpha = by_label(figure)['alpha [deg]']
     assert [line.get_ydata()[0] for line in alpha.lines] == [3.0, 3.1]
     assert bottom(figure).get_xlabel() == 'time [s]'
     with pytest.raises(InputError, match='nothing to mark bank in'):
@@ -85,7 +85,7 @@ def test_the_energy_of_a_glide_is_told() -> None:
     # by hand: 1000 m and 62 m/s at the start, 700 m and 61 m/s at the end
     np.testing.assert_allclose(energy[[0, -1]], [1195.989, 889.719], atol=1e-3)
     figure = figures.profile_figure(flight)
-    audit = next(ax for ax in figure.axes if ax.get_ylabel() == 'height [m]')
+    audit = by_label(figure)['height [m]']
     np.testing.assert_allclose(audit.lines[0].get_ydata(), energy)
     said = figure.get_suptitle().replace('\n', ' ')
     assert '6 km on 306.3 m of energy height, 19.6 to 1' in said

@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip('matplotlib')
 
-from flights import flip, soaring
+from flights import by_label, flip, soaring
 
 from flightdyn.environment.geodesy import geodetic_from_ned
 from flightdyn.logs.track import Track
@@ -21,10 +21,6 @@ DOCUMENT = {
     'flights': [{'start': 10.0, 'end': 600.0, 'takeoff': True, 'landing': False}],
     'wind': {'speed': 6.0, 'from_deg': 180.0, 'std': 0.5},
 }  # fmt: skip
-
-
-def by_label(figure):
-    return {ax.get_ylabel(): ax for ax in figure.axes}
 
 
 def track_of(flight, extra: dict[float, tuple[float, float, float]]) -> Track:
@@ -44,12 +40,12 @@ def test_a_replay_has_its_histories_with_bands_and_gaps() -> None:
     figure = figures.figure_for(soaring(), about=figures.About(document=DOCUMENT))
     axes = by_label(figure)
     assert {
-        'altitude\n[m], ellipsoid', 'speed [m/s]', 'gamma [deg]', 'track [deg]', 'bank [deg]',
+        'altitude [m], ellipsoid', 'speed [m/s]', 'gamma [deg]', 'track [deg]', 'bank [deg]',
         'load_factor [-]',
     } <= set(axes)  # fmt: skip
     assert [len(line.get_xdata()) for line in axes['speed [m/s]'].lines[:2]] == [300, 300]
     assert len(axes['speed [m/s]'].collections) == 2
-    band = axes['altitude\n[m], ellipsoid'].collections[0].get_paths()[0].vertices
+    band = axes['altitude [m], ellipsoid'].collections[0].get_paths()[0].vertices
     assert band[:, 1].min() == pytest.approx(soaring()['altitude'][0] - 3.0)
     said = figure.get_suptitle().replace('\n', ' ')
     assert said.startswith('a.mcap (glider) /fix: 600 of 605 samples, 5 dropped')
