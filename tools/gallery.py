@@ -84,6 +84,10 @@ def pictures() -> list[Picture]:
                  'On how little height a Cessna 152 turns back to its runway, in which wind'),
                 ('turnback_10', 'cessna152_turnback',
                  'The ways round in a wind of 10 m/s'),
+                ('mesh_refinement', 'mesh_refinement',
+                 'How far plans are off when they are flown again, by mesh and method'),
+                ('solver_history', 'mesh_refinement',
+                 'A solver on its way to a plan, on finer and finer meshes'),
             )
         ),
         *(

@@ -14,7 +14,7 @@ from .quantities import unit_of
 try:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
+    from matplotlib.colors import LogNorm, Normalize
     from matplotlib.figure import Figure
 except ImportError as error:
     raise MissingExtraError('a figure', 'view') from error
@@ -27,6 +27,7 @@ VERIFIED = 'verified'
 
 MAX_LINES = 7  # as many as there are colours
 MAX_PANELS = 12
+MAX_TICKS = 8
 MAX_WRITTEN = 64  # cells of a map with their value written in them
 FAILED_COLOR = '#d55e00'
 _MAP = 'viridis'
@@ -46,6 +47,7 @@ class _Axis:
     values: Array
     names: tuple[str, ...]
     label: str
+    log: bool
 
 
 def sweep_figure(
@@ -55,6 +57,7 @@ def sweep_figure(
     *,
     units: Mapping[str, str] | None = None,
     labels: Mapping[str, str] | None = None,
+    log: Sequence[str] = (),
     title: str = '',
 ) -> Figure:
     """Return a value of many cases over the parameters that were varied.
@@ -78,20 +81,27 @@ def sweep_figure(
         Units that columns are in. Known names, such as `speed` or `final.altitude`, need none.
     labels : mapping of name to str, optional
         What to call columns, instead of their names.
+    log : sequence of str
+        Columns on logarithmic axes, or colours.
 
     Raises
     ------
     InputError
-        If a column is missing, empty or of another length, a parameter is not finite, or there is
-        no parameter.
+        If a column is missing, empty or of another length, a parameter is not finite, one on a
+        logarithmic axis is not positive, or there is no parameter.
     """
     columns = _columns(table, over, value)
+    for name in set(log) & set(columns):
+        if (columns[name] <= 0).any():
+            raise InputError(f'sweep: {name} is not positive everywhere: it has no logarithm')
     units, labels = units or {}, labels or {}
     failed = ~np.isfinite(columns[value].astype(float))
     if VERIFIED in table:
         failed |= ~np.asarray(table[VERIFIED]).astype(bool)
-    axes = [_axis(columns[name], name, units, labels) for name in over]
-    shown = _axis(np.where(failed, np.nan, columns[value].astype(float)), value, units, labels)
+    axes = [_axis(columns[name], name, units, labels, log) for name in over]
+    shown = _axis(
+        np.where(failed, np.nan, columns[value].astype(float)), value, units, labels, log
+    )
     with style():
         if len(axes) == 1:
             figure = _lines(axes[0], None, shown, failed)
@@ -146,23 +156,26 @@ def _columns(
 
 
 def _axis(
-    column: NDArray[Any], name: str, units: Mapping[str, str], labels: Mapping[str, str]
+    column: NDArray[Any],
+    name: str,
+    units: Mapping[str, str],
+    labels: Mapping[str, str],
+    log: Sequence[str],
 ) -> _Axis:
     words = labels.get(name, name)
     if column.dtype.kind not in 'iuf':
         # in the order in which they come, which is that of whoever set up the sweep
         names = list(dict.fromkeys(str(word) for word in column))
         at = np.array([names.index(str(word)) for word in column], float)
-        return _Axis(name, at, tuple(names), words)
+        return _Axis(name, at, tuple(names), words, log=False)
     unit, factor = units.get(name), 1.0
     if unit is None:
         last = name.rpartition('.')[2]
         unit = _REPORTED.get(last)
         if unit is None:
             unit, factor = unit_of(last)
-    return _Axis(
-        name, column * factor, (), f'{words} [{unit}]' if unit not in ('', '-') else words
-    )
+    label = f'{words} [{unit}]' if unit not in ('', '-') else words
+    return _Axis(name, column * factor, (), label, name in log)
 
 
 def _on_grid(axes: Sequence[_Axis]) -> bool:
@@ -189,7 +202,7 @@ def _lines(across: _Axis, lines: _Axis | None, shown: _Axis, failed: Mask) -> Fi
         ax.plot(across.values[rows], shown.values[rows], marker='o', ms=4, label=label, **look)
         _crosses(ax, across.values[rows][failed[rows]], look['color'])
     ax.set(xlabel=across.label, ylabel=shown.label)
-    _name_ticks(ax, across, shown)
+    _dress(ax, across, shown)
     handles, names = ax.get_legend_handles_labels()
     if failed.any():
         handles.append(_crosses(ax, np.empty(0), '#333333'))
@@ -208,7 +221,7 @@ def _maps(x: _Axis, y: _Axis, panels: _Axis | None, shown: _Axis, failed: Mask) 
     size = (5.6, 4.2) if keys.size == 1 else (1.2 + 2.6 * columns, 0.9 + 2.3 * rows)
     figure = new_figure(size)
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    norm = _norm(shown.values)
+    norm = _norm(shown)
     for ax, key in zip(grid.ravel(), keys, strict=False):
         inside = group == key
         _map(ax, x, y, shown, failed, inside, norm, written=keys.size == 1)
@@ -241,7 +254,7 @@ def _map(
     column, row = np.searchsorted(xs, x.values[inside]), np.searchsorted(ys, y.values[inside])
     values[row, column] = shown.values[inside]
     lost[row, column] = failed[inside]
-    edges = _edges(xs), _edges(ys)
+    edges = _edges(xs, x.log), _edges(ys, y.log)
     ax.grid(visible=False)
     ax.pcolormesh(*edges, np.ma.masked_invalid(values), norm=norm, cmap=_MAP, rasterized=True)
     ax.pcolor(
@@ -258,7 +271,7 @@ def _map(
     elif min(values.shape) > 2 and known.all() and np.ptp(values) > 0:
         contours = ax.contour(xs, ys, values, 6, colors='white', linewidths=0.8)
         ax.clabel(contours, fontsize=7)
-    _name_ticks(ax, x, y)
+    _dress(ax, x, y)
 
 
 def _plane(x: _Axis, y: _Axis, shown: _Axis, failed: Mask) -> Figure:
@@ -266,12 +279,12 @@ def _plane(x: _Axis, y: _Axis, shown: _Axis, failed: Mask) -> Figure:
     ax = figure.subplots()
     kept = ~failed
     points = ax.scatter(
-        x.values[kept], y.values[kept], c=shown.values[kept], norm=_norm(shown.values),
+        x.values[kept], y.values[kept], c=shown.values[kept], norm=_norm(shown),
         **_POINTS,
     )  # fmt: skip
     (crosses,) = ax.plot(x.values[failed], y.values[failed], color=FAILED_COLOR, **_CROSSES)
     ax.set(xlabel=x.label, ylabel=y.label)
-    _name_ticks(ax, x, y)
+    _dress(ax, x, y)
     figure.colorbar(points, ax=ax, label=shown.label)
     if failed.any():
         figure.legend([crosses], ['failed'], loc='outside upper right')
@@ -284,11 +297,11 @@ def _scatters(axes: Sequence[_Axis], shown: _Axis, failed: Mask) -> Figure:
     figure = new_figure((1.0 + 2.7 * columns, 0.8 + 2.5 * rows))
     grid = figure.subplots(rows, columns, sharey=True, squeeze=False)
     for ax, axis in zip(grid.ravel(), axes, strict=False):
-        norm = _norm(shown.values)
+        norm = _norm(shown)
         ax.scatter(axis.values, shown.values, c=shown.values, norm=norm, **_POINTS)
         _crosses(ax, axis.values[failed], FAILED_COLOR)
         ax.set_xlabel(axis.label)
-        _name_ticks(ax, axis, shown)
+        _dress(ax, axis, shown)
     for ax in grid.ravel()[len(axes) :]:
         ax.set_visible(False)
     for ax in grid[:, 0]:
@@ -309,7 +322,16 @@ def _crosses(ax: Axes, x: Array, color: str) -> Any:
     return marks
 
 
-def _name_ticks(ax: Axes, x: _Axis, y: _Axis) -> None:
+def _dress(ax: Axes, x: _Axis, y: _Axis) -> None:
+    """Scale the axes, and name the ticks of those that hold words."""
+    if x.log:
+        ax.set_xscale('log')
+        at = np.unique(x.values)
+        if at.size <= MAX_TICKS:  # powers of ten are rare among a few
+            ax.set_xticks(at, [f'{value:g}' for value in at])
+            ax.set_xticks([], minor=True)
+    if y.log:
+        ax.set_yscale('log')
     if x.names:
         ax.set_xticks(range(len(x.names)), x.names, rotation=20, ha='right')
     if y.names:
@@ -320,15 +342,18 @@ def _words(axis: _Axis, key: float) -> str:
     return axis.names[int(key)] if axis.names else f'{key:g}'
 
 
-def _norm(values: Array) -> Normalize:
-    known = values[np.isfinite(values)]
+def _norm(shown: _Axis) -> Normalize:
+    known = shown.values[np.isfinite(shown.values)]
     low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
     room = 0.0 if high > low else max(abs(low), 1.0) * 1e-3
-    return Normalize(low - room, high + room)
+    return (LogNorm if shown.log and known.size else Normalize)(low - room, high + room)
 
 
-def _edges(centres: Array) -> Array:
+def _edges(centres: Array, log: bool) -> Array:
     """Return the edges of cells round sorted centres; those at the ends are symmetric."""
+    if log:
+        edges: Array = np.exp(_edges(np.log(centres), False))
+        return edges
     if centres.size == 1:
         return np.array([centres[0] - 0.5, centres[0] + 0.5])
     middle = (centres[:-1] + centres[1:]) / 2

@@ -178,6 +178,6 @@ def test_a_solve_history_shows_where_a_new_solve_begins() -> None:
     assert [len(line.get_xdata()) for line in cost.lines] == [4, 2, 2]  # two solves, their border
     assert cost.lines[2].get_xdata()[0] == 3.5
     assert apart.get_yscale() == 'log' and apart.lines[0].get_ydata()[2] == 1e-2
-    assert '6 iterations in 2 solves' in figure.get_suptitle()
+    assert '6 iterations in 2 solves, 0.4 s' in figure.get_suptitle()
     with pytest.raises(InputError, match='no iterations'):
         figures.convergence_figure([])

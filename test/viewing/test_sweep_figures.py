@@ -141,3 +141,20 @@ def test_a_sweep_of_which_all_failed_is_drawn(over: list[str], tmp_path) -> None
 def test_what_cannot_be_drawn_is_said(table, over, said) -> None:
     with pytest.raises(InputError, match=said):
         figures.sweep_figure(table, over, 'h')
+
+
+def test_logarithmic_axes_and_colours() -> None:
+    nodes = np.array([10.0, 20, 40])
+    table = {'nodes': nodes, 'error': 100 / nodes**2}
+    (ax,) = figures.sweep_figure(table, ['nodes'], 'error', log=['nodes', 'error']).axes
+    assert (ax.get_xscale(), ax.get_yscale()) == ('log', 'log')
+    x, y = grid(3, 3)
+    table = {'a': 10**x, 'b': y, 'error': 10 ** (x + y)}
+    ax = figures.sweep_figure(table, ['a', 'b'], 'error', log=['a', 'error']).axes[0]
+    assert (ax.get_xscale(), ax.get_yscale()) == ('log', 'linear')
+    cells = ax.collections[0]
+    assert cells.norm(10.0**2) == pytest.approx(0.5)
+    # edges lie half way in the exponent
+    np.testing.assert_allclose(cells.get_coordinates()[0, :, 0], 10 ** np.arange(-0.5, 3))
+    with pytest.raises(InputError, match='b is not positive everywhere'):
+        figures.sweep_figure(table, ['a', 'b'], 'error', log=['b'])
