@@ -37,6 +37,7 @@ LINES = ('-', '--', ':', '-.')
 COLOR_MAP = 'viridis'
 LONG = 1200.0  # s: flights beyond are shown in minutes
 MAX_DRAWN = 20_000  # samples of a path or history: more are not seen, and make vector files heavy
+MANY = 2_000  # samples: a history of more is drawn in a fine line
 _PREFIXES = {
     'kg': ((1e4, 1e-3, 't'),),
     **{
@@ -210,6 +211,8 @@ def draw_columns(
             values = _compass(values)
         if name in trajectory.controls and trajectory.control_interpolation == 'previous':
             how['drawstyle'] = 'steps-post'
+        if len(trajectory) > MANY:
+            how['lw'] = 0.7
         if len(names) > 1:
             how['ls'] = LINES[number % len(LINES)]
         color = COLORS[number % len(COLORS)]
