@@ -103,12 +103,12 @@ class Planner:
             if optima:
                 plans = [run.finish(each) for each in optima]
                 return replace(plans[0], others=plans[1:])
-        found = run.solve(problem, first_mesh(problem))
+        found = run.first()
         missing: list[dict[str, Any]] = []
         if _may_be_remedied(found):
             found, missing = _remedied(run, found, seed)
         if found.verification is not None:
-            found = run.sharpened(found) or run.refined(found)
+            found = run.best(found)
         return run.finish(found, missing)
 
 
@@ -183,6 +183,6 @@ def _local_optima(run: Run, starts: int, seed: int) -> list[Checked]:
         value = each.attempt.objective
         if all(abs(value - o.attempt.objective) > SAME * max(abs(value), 1e-9) for o in distinct):
             distinct.append(each)
-    best = [run.sharpened(each) or run.refined(each) for each in distinct[:MAX_OPTIMA]]
+    best = [run.best(each) for each in distinct[:MAX_OPTIMA]]
     best = [each for each in best if each.within(problem.tolerance)]
     return sorted(best, key=lambda each: sign * each.attempt.objective)

@@ -10,13 +10,13 @@ from ..resources import find_config
 from ..vehicles.fields import IN_DEGREES, in_degrees, named_bounds
 from ..vehicles.vehicle import Vehicle, load_vehicle
 from .objective import parse_objective
-from .problem import CHOICES, MAX_NODES, MAX_STARTS, Phase, Problem
+from .problem import CHOICES, MAX_NODES, MAX_STARTS, MAX_SUBSTEPS, Phase, Problem
 
 CONDITIONS = ('duration', 'initial', 'final', 'path', 'guess', 'nodes')
 KEYS = (
     *('description', 'vehicle', 'model', 'objective', 'phases', *CONDITIONS),
     *('wind_ned', 'control_interpolation', 'transcription', 'spacing', 'refine', 'sharpen'),
-    'multistart',
+    *('substeps', 'multistart'),
     *('tolerance', 'max_wall_time'),
 )
 
@@ -76,10 +76,9 @@ def _problem(path: Path, document: dict[str, Any], config_dir: str | Path | None
     chosen = {
         key: document[key] for key in (*CHOICES, 'spacing', 'refine', 'sharpen') if key in document
     }
-    if 'multistart' in document:
-        chosen['multistart'] = whole_number(
-            document['multistart'], f'{path}: multistart', lower=1, upper=MAX_STARTS
-        )
+    for key, most in (('substeps', MAX_SUBSTEPS), ('multistart', MAX_STARTS)):
+        if key in document:
+            chosen[key] = whole_number(document[key], f'{path}: {key}', lower=1, upper=most)
     for key in ('tolerance', 'max_wall_time'):
         chosen[key] = number(document.get(key, defaults[key].default), f'{path}: {key}')
     return Problem(
