@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from .. import numpy as np
 from ..config import suggestion
 from ..environment.atmosphere import Atmosphere
+from ..environment.surroundings import NOTHING, Surroundings
+from ..environment.surroundings_outputs import SOURCE_LEVEL, surroundings_outputs
 from ..environment.wind import ConstantWind, Wind
 from ..errors import InputError
 from ..frames import Rotation, euler_from_rotation, transpose
@@ -58,6 +60,8 @@ class Model:
     wind : callable (x_e, y_e, z_e, time) -> (x, y, z), optional
         Where the air moves to, earth axes [m/s]; the stage's parameters add to it.
     atmosphere : callable of altitude [m] -> Atmosphere
+    surroundings : Surroundings
+        The stage puts out what `surroundings_outputs` tells of them.
     """
 
     vehicle: str
@@ -68,6 +72,7 @@ class Model:
     extra_states: tuple[str, ...] = ()
     wind: Wind | None = None
     atmosphere: Callable[[Vectorizable], Atmosphere] = Atmosphere
+    surroundings: Surroundings = NOTHING
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -95,6 +100,12 @@ class Model:
             x |= extra
             derivatives = dyn.state_derivatives() | {name: attached[name] for name in extra}
             every = _kinematics(dyn) | {k: v for k, v in attached.items() if k not in extra}
+            every |= surroundings_outputs(
+                self.surroundings,
+                (every['x_e'], every['y_e'], every['z_e']),
+                dyn.velocity_earth,
+                every.get(SOURCE_LEVEL),
+            )
         outputs = {k: v for k, v in every.items() if k not in x and k not in u}
         traced = Outline(
             cas.vertcat(*x.values()),

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .guess import Guess
+from .keep_clear import clear_bounds
 from .layout import Layout, Structure
 from .mesh import Mesh
 from .problem import UNBOUNDED, Bounds, Problem
@@ -63,6 +64,8 @@ def without_conditions(problem: Problem) -> Problem:
     states = problem.stage.states
     initial = {name: bounds for name, bounds in problem.initial.items() if name in states}
     duration = (LEAST_DURATION * problem.duration[0], problem.duration[1] / LEAST_DURATION)
+    clear = {name for name in clear_bounds(problem.surroundings) if name not in states}
+    problem = replace(problem, aside=problem.aside | clear)
     if not problem.phases:
         return replace(problem, initial=initial, final={}, path={}, duration=duration)
     phases = [

@@ -15,7 +15,7 @@ KEYS = (
     *('problem', 'vehicle', 'model', 'converged', 'verified', 'status', 'message', 'objective'),
     *('final_time', 'iterations', 'wall_s', 'build_s', 'nodes', 'transcription', 'verification'),
     *('constraint_violation', 'warnings', 'arcs', 'remedies', 'missed', 'optima'),
-    *('control_interpolation', 'wind_ned'),
+    *('control_interpolation', 'wind_ned', 'surroundings'),
     *('time', 'states', 'controls', 'outputs'),
 )
 
@@ -31,6 +31,7 @@ def plan_document(plan: Plan) -> dict[str, Any]:
         'model': trajectory.model,
         'control_interpolation': trajectory.control_interpolation,
         'wind_ned': list(plan.wind_ned),
+        'surroundings': plan.surroundings.to_dict(),
         'optima': [
             {'objective': each.report.objective, 'final_time': each.report.final_time}
             for each in (plan, *plan.others)

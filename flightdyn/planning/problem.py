@@ -12,9 +12,12 @@ from ..config import (
     suggestion,
 )
 from ..dynamics.stage import KINEMATICS, Model, Stage
+from ..environment.surroundings import NOTHING, Surroundings
 from ..errors import InputError
 from ..trajectory import Trajectory
 from ..vehicles.vehicle import Vehicle
+from .gates import gate_phases
+from .keep_clear import check_surroundings, clear_bounds
 from .mesh import (
     CONTROL_INTERPOLATIONS,
     METHODS,
@@ -24,8 +27,8 @@ from .mesh import (
     check_spacing,
 )
 from .objective import TIME, Objective, trace
-
-Bounds = Mapping[str, tuple[float, float]]
+from .phase import Bounds as Bounds
+from .phase import Phase as Phase
 
 MAX_STAGES = 16
 MAX_NODES = 5000
@@ -37,31 +40,6 @@ CHOICES: Mapping[str, tuple[str, ...]] = {
     'control_interpolation': CONTROL_INTERPOLATIONS,
     'transcription': ('auto', *METHODS),
 }
-
-
-@dataclass(frozen=True, kw_only=True)
-class Phase:
-    """A part of a flight with conditions of its own.
-
-    Parameters
-    ----------
-    name : str
-    duration : lower, upper [s]
-    duration_guess : float [s]
-    initial, final, path, guess : mappings
-        As the problem's, of this phase alone and on top of them.
-    nodes : int
-        Intervals of its first mesh.
-    """
-
-    name: str = ''
-    duration: tuple[float, float]
-    duration_guess: float
-    initial: Bounds = field(default_factory=dict)
-    final: Bounds = field(default_factory=dict)
-    path: Bounds = field(default_factory=dict)
-    guess: Mapping[str, Sequence[float]] = field(default_factory=dict)
-    nodes: int = 20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,6 +66,9 @@ class Problem:
         A guess instead of the storyboard, stretched to the guessed duration.
     wind_ned : x, y, z [m/s]
         Where the air moves to.
+    surroundings : Surroundings
+        Terrain and volumes are kept clear of; gates are flown through in their order, each the
+        end of a phase that is made for it, see `gates`.
     nodes : int
         Intervals of the first mesh.
         Of several phases each has its own.
@@ -132,6 +113,7 @@ class Problem:
     guess: Mapping[str, Sequence[float]] = field(default_factory=dict)
     guess_trajectory: Trajectory | None = None
     wind_ned: Sequence[float] = (0.0, 0.0, 0.0)
+    surroundings: Surroundings = NOTHING
     phases: Sequence[Phase] = ()
     nodes: int = 80
     control_interpolation: ControlInterpolation = 'previous'
@@ -149,6 +131,8 @@ class Problem:
         for group in ('initial', 'final', 'path'):
             object.__setattr__(self, group, self._down(group, getattr(self, group)))
         object.__setattr__(self, 'guess', self._down_guess('guess', self.guess))
+        if self.surroundings:
+            self._enter_surroundings()
         self._check_phases()
         for where, leg in zip(self._places, self.legs, strict=True):
             for group in ('path', 'initial', 'final'):
@@ -193,13 +177,50 @@ class Problem:
 
     @cached_property
     def model(self) -> Model:
-        """The vehicle's physics."""
-        return self.vehicle.model()
+        """The vehicle's physics, in the surroundings of the problem."""
+        return replace(self.vehicle.model(), surroundings=self.surroundings)
 
     @cached_property
     def stage(self) -> Stage:
         """The vehicle's traced physics."""
-        return _stage(self.vehicle)
+        return _stage(self.physics, self.model)
+
+    @cached_property
+    def physics(self) -> str:
+        """What tells this problem's stage from others."""
+        return f'{self.vehicle!r} {self.surroundings!r}'
+
+    def _enter_surroundings(self) -> None:
+        """Check the problem against its surroundings, and make phases of gates."""
+        for axis in ('x_e', 'y_e', 'z_e'):
+            if self.surroundings.gates and axis not in self.model.states:
+                raise InputError(
+                    f'{self.name}: gates: {self.vehicle.model_name} has no state {axis}: fly '
+                    'through gates by a model in three dimensions'
+                )
+        ends = {'initial': self.initial, 'final': self.final}
+        check_surroundings(self.name, self.surroundings, ends, self.path)
+        if self.surroundings.gates and not self.phases:
+            phases = gate_phases(
+                self.surroundings.gates,
+                self.initial,
+                self.final,
+                self.duration,
+                self.duration_guess,
+                self.nodes,
+                self.guess,
+            )
+            object.__setattr__(self, 'phases', phases)
+
+    @cached_property
+    def _clear(self) -> Bounds:
+        """What the surroundings ask for all the way."""
+        states = self.model.states
+        return {
+            name: bounds
+            for name, bounds in clear_bounds(self.surroundings).items()
+            if name in states or name not in KINEMATICS
+        }
 
     def _check_name(self, group: str, name: str, known: Collection[str]) -> None:
         if name not in known:
@@ -287,7 +308,7 @@ class Problem:
                     duration_guess=self.duration_guess,
                     initial=self._calmed('initial', self.initial),
                     final=self._calmed('final', self.final),
-                    path=self._calmed('path', self.path),
+                    path=self._calmed('path', _tightened(self._clear, self.path)),
                     guess=self.guess,
                     nodes=self.nodes,
                 ),
@@ -302,7 +323,9 @@ class Problem:
                 final=self._calmed(
                     'final', _tightened(self.final if i == last else {}, phase.final)
                 ),
-                path=self._calmed('path', _tightened(self.path, phase.path)),
+                path=self._calmed(
+                    'path', _tightened(_tightened(self._clear, self.path), phase.path)
+                ),
             )
             for i, phase in enumerate(self.phases)
         )
@@ -378,7 +401,7 @@ class Problem:
         path = self.legs[leg].path
         names = {**path, **self._own}
         known = self._quantities if set(names) - set(self.model.states) else self.model.states
-        kept = (name for name in names if name in known and name not in self.aside)
+        kept = (name for name in names if name in known)
         every = {name: self.limits(name, leg) for name in kept}
         return {name: limits for name, limits in every.items() if limits != UNBOUNDED}
 
@@ -401,7 +424,7 @@ class Problem:
     def beyond_limits(self, flight: Trajectory) -> bool:
         """Return whether a flight leaves limits that were set aside."""
         for name in self.aside:
-            lower, upper = self.limits(name)
+            lower, upper = self._own[name]
             column = flight[name]
             beyond = max(float((lower - column).max()), float((column - upper).max()))
             if beyond > self.tolerance * max(float(np.ptp(column)), 1.0):
@@ -410,6 +433,8 @@ class Problem:
 
     def limits(self, name: str, leg: int = 0) -> tuple[float, float]:
         """Return the bounds of a quantity along a phase, the vehicle's own included."""
+        if name in self.aside:
+            return UNBOUNDED
         return _common(self.legs[leg].path.get(name, UNBOUNDED), self._own.get(name, UNBOUNDED))
 
     def with_changes(
@@ -449,12 +474,11 @@ def _common(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, floa
 _stages: dict[str, Stage] = {}
 
 
-def _stage(vehicle: Vehicle) -> Stage:
-    """Return the traced model; traced again only when the vehicle has changed."""
-    key = repr(vehicle)
+def _stage(key: str, model: Model) -> Stage:
+    """Return the traced model; traced again only when vehicle or surroundings have changed."""
     stage = _stages.get(key)
     if stage is None:
-        stage = vehicle.model().stage()
+        stage = model.stage()
         while len(_stages) >= MAX_STAGES:
             _stages.pop(next(iter(_stages)), None)
         _stages[key] = stage

@@ -102,7 +102,7 @@ class Run:
         """
         structure = structure or conditions.structure(problem, mesh)
         before = time.perf_counter()
-        with self.programmes.borrow(repr(problem.vehicle), problem.stage, structure) as programme:
+        with self.programmes.borrow(problem.physics, problem.stage, structure) as programme:
             self.build_s += time.perf_counter() - before
             attempt = programme.solve(
                 problem,
@@ -268,7 +268,13 @@ class Run:
             remedies=self.remedies,
             missed=missing or [],
         )
-        return Plan(trajectory, report, tuple(map(float, problem.wind_ned)), attempt=attempt)
+        return Plan(
+            trajectory,
+            report,
+            tuple(map(float, problem.wind_ned)),
+            surroundings=problem.surroundings,
+            attempt=attempt,
+        )
 
     def _warnings(self, found: Checked, trajectory: Trajectory) -> list[str]:
         if found.verification is None:
