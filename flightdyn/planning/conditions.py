@@ -40,6 +40,7 @@ def structure(problem: Problem, mesh: Mesh) -> Structure:
         along=tuple(along),
         ends=tuple(ends),  # type: ignore[arg-type]
         rated=tuple(name for name in stage.controls if name in problem.vehicle.rates),
+        changing=tuple(problem.change),
     )
 
 
@@ -63,6 +64,9 @@ def without_conditions(problem: Problem) -> Problem:
     states = problem.stage.states
     initial = {name: bounds for name, bounds in problem.initial.items() if name in states}
     duration = (LEAST_DURATION * problem.duration[0], problem.duration[1] / LEAST_DURATION)
+    # kept by name: they are part of the structure
+    change = dict.fromkeys(problem.change, UNBOUNDED)
+    problem = replace(problem, change=change)
     if not problem.phases:
         return replace(problem, initial=initial, final={}, path={}, duration=duration)
     phases = [
@@ -132,6 +136,8 @@ def _bounds(problem: Problem, layout: Layout) -> Array:
             keep(variable, leg.initial.get(each.name, UNBOUNDED))
         if (each.interval, each.position) == (last, 1.0):
             keep(variable, leg.final.get(each.name, UNBOUNDED))
+    for variable, name in zip(layout.changes, layout.structure.changing, strict=True):
+        keep(variable, problem.change[name])
     for row, name in enumerate(layout.structure.rated):
         keep(layout.rates[row], (-problem.vehicle.rates[name], problem.vehicle.rates[name]))
     return limits
@@ -157,6 +163,9 @@ def guess(problem: Problem, layout: Layout) -> Array:
             values[layout.steering[:, at, first:last]] = guess_columns(
                 problem, layout.control_names, i, positions
             )
+    for variable, name in zip(layout.changes, layout.structure.changing, strict=True):
+        first, last = layout.first_and_last(name)
+        values[variable] = values[last] - values[first]
     durations = guess_durations(problem)
     values[layout.durations] = durations
     values[layout.total] = durations.sum()
@@ -187,6 +196,8 @@ def scales(problem: Problem, layout: Layout) -> Array:
     durations = guess_durations(problem)
     for row, name in enumerate(layout.structure.rated):
         scale[layout.rates[row]] = problem.vehicle.rates[name]
+    for variable, name in zip(layout.changes, layout.structure.changing, strict=True):
+        scale[variable] = sizes[name]
     scale[layout.durations] = durations
     scale[layout.total] = durations.sum()
     soft = [variable for variable, _ in layout.structure.soft]

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..environment.wind import Wind
 from ..errors import ResultCode
 from ..trajectory import Trajectory
 from .problem import Problem
@@ -62,6 +63,9 @@ class Plan:
     ----------
     trajectory : Trajectory
         Controls between its samples are as flown: held, or straight.
+    wind_ned : x, y, z [m/s]
+    wind : Wind or None
+        As the problem has them.
     others : list of Plan
         Other local optima that were found, if they were asked for, best first.
     """
@@ -69,6 +73,7 @@ class Plan:
     trajectory: Trajectory
     report: PlanReport
     wind_ned: tuple[float, ...] = (0.0, 0.0, 0.0)
+    wind: Wind | None = None
     others: list['Plan'] = field(default_factory=list)
     attempt: Attempt | None = field(default=None, repr=False, compare=False)
 

@@ -101,7 +101,7 @@ class Run:
         """
         structure = structure or conditions.structure(problem, mesh)
         before = time.perf_counter()
-        with self.programmes.borrow(repr(problem.vehicle), problem.stage, structure) as programme:
+        with self.programmes.borrow(problem.physics, problem.stage, structure) as programme:
             self.build_s += time.perf_counter() - before
             attempt = programme.solve(
                 problem,
@@ -244,7 +244,8 @@ class Run:
             remedies=self.remedies,
             missed=missing or [],
         )
-        return Plan(trajectory, report, tuple(map(float, problem.wind_ned)), attempt=attempt)
+        wind_ned = tuple(map(float, problem.wind_ned))
+        return Plan(trajectory, report, wind_ned, problem.wind, attempt=attempt)
 
     def _warnings(self, found: Checked, trajectory: Trajectory) -> list[str]:
         if found.verification is None:
