@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from flightdyn.environment import wind_file
 from flightdyn.planning import problem_file
 from flightdyn.planning.objective import parse_objective
 from flightdyn.planning.planner import Planner
@@ -38,11 +39,21 @@ def test_the_objective_is_one() -> None:
     parse_objective(yaml.safe_load(short)['objective'], 'docs')
 
 
+def test_the_wind_is_one() -> None:
+    (short,) = (text for text in BLOCKS if list(yaml.safe_load(text)) == ['wind'])
+    wind = wind_file.read_wind(yaml.safe_load(short)['wind'], 'docs')
+    assert wind is not None
+    assert wind(1500.0, 0.0, -100.0, 0.0)[2] == pytest.approx(-3)
+    told = set(re.findall(r'^\| `(\w+)` \|', TEXT, re.MULTILINE))
+    assert set(wind_file.KEYS) <= told
+
+
 @pytest.mark.parametrize(
     'keys',
     [
         *(problem_file.KEYS, vehicle.KEYS, aero_polar.KEYS, aero_table.KEYS, aero_direct.KEYS),
         *(buoyancy.KEYS, *(known for known, _ in vehicle.PROPULSION.values())),
+        *wind_file.KEYS.values(),
     ],
 )
 def test_every_key_is_told(keys: tuple[str, ...]) -> None:
