@@ -3,10 +3,12 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
-from flightdyn.environment import wind_file
+from flightdyn.environment import surroundings_file, wind_file
+from flightdyn.environment.surroundings_file import read_surroundings
 from flightdyn.planning import problem_file
 from flightdyn.planning.objective import parse_objective
 from flightdyn.planning.planner import Planner
@@ -48,10 +50,23 @@ def test_the_wind_is_one() -> None:
     assert set(wind_file.KEYS) <= told
 
 
+def test_the_surroundings_are_read(tmp_path: Path) -> None:
+    line = np.array([0.0, 1000.0])
+    np.savez(tmp_path / 'ridge.npz', x=line, y=line, height=np.zeros((2, 2)))
+    given = yaml.safe_load(block('keep_out'))
+    found = read_surroundings(
+        {key: given[key] for key in surroundings_file.KEYS}, 'docs', tmp_path
+    )
+    assert set(given) == {*surroundings_file.KEYS, 'origin'}
+    assert len(found.keep_out) == len(found.gates) == 2 and found.listeners
+
+
 @pytest.mark.parametrize(
     'keys',
     [
         *(problem_file.KEYS, vehicle.KEYS, aero_polar.KEYS, aero_table.KEYS, aero_direct.KEYS),
+        *(surroundings_file.TERRAIN_KEYS, surroundings_file.KEEP_OUT_KEYS),
+        *(surroundings_file.GATE_KEYS, surroundings_file.MARK_KEYS),
         *(buoyancy.KEYS, *(known for known, _ in vehicle.PROPULSION.values())),
         *wind_file.KEYS.values(),
     ],

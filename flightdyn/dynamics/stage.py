@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from .. import numpy as np
 from ..config import suggestion
 from ..environment.atmosphere import Atmosphere
+from ..environment.surroundings import NOTHING, Surroundings
+from ..environment.surroundings_outputs import SOURCE_LEVEL, surroundings_outputs
 from ..environment.wind import ConstantWind, ScaledWind, Wind
 from ..errors import InputError
 from ..frames import Rotation, euler_from_rotation, transpose
@@ -64,6 +66,8 @@ class Model:
         Whether that wind is multiplied by a further state, `wind_strength`, which stays as it is:
         for planners to find it, or to change it without tracing the model again.
     atmosphere : callable of altitude [m] -> Atmosphere
+    surroundings : Surroundings
+        The stage puts out what `surroundings_outputs` tells of them.
     """
 
     vehicle: str
@@ -75,6 +79,7 @@ class Model:
     wind: Wind | None = None
     free_wind: bool = False
     atmosphere: Callable[[Vectorizable], Atmosphere] = Atmosphere
+    surroundings: Surroundings = NOTHING
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -108,6 +113,12 @@ class Model:
             derivatives = dyn.state_derivatives() | {name: attached[name] for name in extra}
             derivatives |= dict.fromkeys(steady, 0.0)
             every = _kinematics(dyn) | {k: v for k, v in attached.items() if k not in extra}
+            every |= surroundings_outputs(
+                self.surroundings,
+                (every['x_e'], every['y_e'], every['z_e']),
+                dyn.velocity_earth,
+                every.get(SOURCE_LEVEL),
+            )
         outputs = {k: v for k, v in every.items() if k not in x and k not in u}
         traced = Outline(
             cas.vertcat(*x.values()),

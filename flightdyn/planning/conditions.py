@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .guess import guess_columns, guess_durations
+from .keep_clear import clear_bounds
 from .layout import Layout, Structure
 from .mesh import Mesh
 from .problem import UNBOUNDED, Bounds, Problem
@@ -66,7 +67,8 @@ def without_conditions(problem: Problem) -> Problem:
     duration = (LEAST_DURATION * problem.duration[0], problem.duration[1] / LEAST_DURATION)
     # kept by name: they are part of the structure
     change = dict.fromkeys(problem.change, UNBOUNDED)
-    problem = replace(problem, change=change)
+    clear = {name for name in clear_bounds(problem.surroundings) if name not in states}
+    problem = replace(problem, change=change, aside=problem.aside | clear)
     if not problem.phases:
         return replace(problem, initial=initial, final={}, path={}, duration=duration)
     phases = [

@@ -12,11 +12,14 @@ from ..config import (
     suggestion,
 )
 from ..dynamics.stage import KINEMATICS, WIND_STRENGTH, Model, Stage
+from ..environment.surroundings import NOTHING, Surroundings
 from ..environment.wind import Wind
 from ..environment.wind_file import wind_document
 from ..errors import InputError
 from ..trajectory import Trajectory
 from ..vehicles.vehicle import Vehicle
+from .gates import gate_phases
+from .keep_clear import check_surroundings, clear_bounds
 from .mesh import (
     CONTROL_INTERPOLATIONS,
     METHODS,
@@ -26,8 +29,8 @@ from .mesh import (
     check_spacing,
 )
 from .objective import TIME, Objective, trace
-
-Bounds = Mapping[str, tuple[float, float]]
+from .phase import Bounds as Bounds
+from .phase import Phase as Phase
 
 MAX_STAGES = 16
 MAX_NODES = 5000
@@ -38,31 +41,6 @@ CHOICES: Mapping[str, tuple[str, ...]] = {
     'control_interpolation': CONTROL_INTERPOLATIONS,
     'transcription': ('auto', *METHODS),
 }
-
-
-@dataclass(frozen=True, kw_only=True)
-class Phase:
-    """A part of a flight with conditions of its own.
-
-    Parameters
-    ----------
-    name : str
-    duration : lower, upper [s]
-    duration_guess : float [s]
-    initial, final, path, guess : mappings
-        As the problem's, of this phase alone and on top of them.
-    nodes : int
-        Intervals of its first mesh.
-    """
-
-    name: str = ''
-    duration: tuple[float, float]
-    duration_guess: float
-    initial: Bounds = field(default_factory=dict)
-    final: Bounds = field(default_factory=dict)
-    path: Bounds = field(default_factory=dict)
-    guess: Mapping[str, Sequence[float]] = field(default_factory=dict)
-    nodes: int = 20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,6 +73,9 @@ class Problem:
         What it does beside, by place; one that `environment.wind_file` can write.
     wind_strength : lower, upper, or None
         A factor on `wind`, then a state named like this, to be found within the range.
+    surroundings : Surroundings
+        Terrain and volumes are kept clear of; gates are flown through in their order, each the
+        end of a phase that is made for it, see `gates`.
     nodes : int
         Intervals of the first mesh.
         Of several phases each has its own.
@@ -140,6 +121,7 @@ class Problem:
     wind_ned: Sequence[float] = (0.0, 0.0, 0.0)
     wind: Wind | None = None
     wind_strength: tuple[float, float] | None = None
+    surroundings: Surroundings = NOTHING
     phases: Sequence[Phase] = ()
     nodes: int = 80
     control_interpolation: ControlInterpolation = 'previous'
@@ -157,6 +139,8 @@ class Problem:
             object.__setattr__(self, group, self._down(group, getattr(self, group)))
         self._check_wind()
         object.__setattr__(self, 'guess', self._down_guess('guess', self.guess))
+        if self.surroundings:
+            self._enter_surroundings()
         self._check_phases()
         self._check_change()
         for where, leg in zip(self._places, self.legs, strict=True):
@@ -194,8 +178,9 @@ class Problem:
 
     @cached_property
     def model(self) -> Model:
-        """The vehicle's physics, in the wind of the problem."""
-        return self.vehicle.model(self.wind, free_wind=self.wind_strength is not None)
+        """The vehicle's physics, in the wind and the surroundings of the problem."""
+        model = self.vehicle.model(self.wind, free_wind=self.wind_strength is not None)
+        return replace(model, surroundings=self.surroundings)
 
     @cached_property
     def stage(self) -> Stage:
@@ -206,7 +191,7 @@ class Problem:
     def physics(self) -> str:
         """What tells this problem's stage from others."""
         wind = wind_document(self.wind), self.wind_strength is not None
-        return f'{self.vehicle!r} in {wind}'
+        return f'{self.vehicle!r} {wind} {self.surroundings!r}'
 
     def _check_wind(self) -> None:
         if len(self.wind_ned) != 3 or not all(math.isfinite(w) for w in self.wind_ned):
@@ -231,6 +216,38 @@ class Problem:
                 raise InputError(
                     f'{self.name}: change.{name}: [{lower:g}, {upper:g}] is not a range'
                 )
+
+    def _enter_surroundings(self) -> None:
+        """Check the problem against its surroundings, and make phases of gates."""
+        for axis in ('x_e', 'y_e', 'z_e'):
+            if self.surroundings.gates and axis not in self.model.states:
+                raise InputError(
+                    f'{self.name}: gates: {self.vehicle.model_name} has no state {axis}: fly '
+                    'through gates by a model in three dimensions'
+                )
+        ends = {'initial': self.initial, 'final': self.final}
+        check_surroundings(self.name, self.surroundings, ends, self.path)
+        if self.surroundings.gates and not self.phases:
+            phases = gate_phases(
+                self.surroundings.gates,
+                self.initial,
+                self.final,
+                self.duration,
+                self.duration_guess,
+                self.nodes,
+                self.guess,
+            )
+            object.__setattr__(self, 'phases', phases)
+
+    @cached_property
+    def _clear(self) -> Bounds:
+        """What the surroundings ask for all the way."""
+        states = self.model.states
+        return {
+            name: bounds
+            for name, bounds in clear_bounds(self.surroundings).items()
+            if name in states or name not in KINEMATICS
+        }
 
     def _check_name(self, group: str, name: str, known: Collection[str]) -> None:
         if name not in known:
@@ -318,7 +335,7 @@ class Problem:
                     duration_guess=self.duration_guess,
                     initial=self._calmed('initial', self.initial),
                     final=self._calmed('final', self.final),
-                    path=self._calmed('path', self.path),
+                    path=self._calmed('path', _tightened(self._clear, self.path)),
                     guess=self.guess,
                     nodes=self.nodes,
                 ),
@@ -333,7 +350,9 @@ class Problem:
                 final=self._calmed(
                     'final', _tightened(self.final if i == last else {}, phase.final)
                 ),
-                path=self._calmed('path', _tightened(self.path, phase.path)),
+                path=self._calmed(
+                    'path', _tightened(_tightened(self._clear, self.path), phase.path)
+                ),
             )
             for i, phase in enumerate(self.phases)
         )
@@ -411,7 +430,7 @@ class Problem:
         path = self.legs[leg].path
         names = {**path, **self._own}
         known = self._quantities if set(names) - set(self.model.states) else self.model.states
-        kept = (name for name in names if name in known and name not in self.aside)
+        kept = (name for name in names if name in known)
         every = {name: self.limits(name, leg) for name in kept}
         return {name: limits for name, limits in every.items() if limits != UNBOUNDED}
 
@@ -434,7 +453,7 @@ class Problem:
     def beyond_limits(self, flight: Trajectory) -> bool:
         """Return whether a flight leaves limits that were set aside."""
         for name in self.aside:
-            lower, upper = self.limits(name)
+            lower, upper = self._own[name]
             column = flight[name]
             beyond = max(float((lower - column).max()), float((column - upper).max()))
             if beyond > self.tolerance * max(float(np.ptp(column)), 1.0):
@@ -443,6 +462,8 @@ class Problem:
 
     def limits(self, name: str, leg: int = 0) -> tuple[float, float]:
         """Return the bounds of a quantity along a phase, the vehicle's own included."""
+        if name in self.aside:
+            return UNBOUNDED
         return _common(self.legs[leg].path.get(name, UNBOUNDED), self._own.get(name, UNBOUNDED))
 
     def with_changes(
@@ -483,7 +504,7 @@ _stages: dict[str, Stage] = {}
 
 
 def _stage(key: str, model: Model) -> Stage:
-    """Return the traced model; traced again only when vehicle or wind have changed."""
+    """Return the traced model; traced again only when it has changed, which its key tells."""
     stage = _stages.get(key)
     if stage is None:
         stage = model.stage()

@@ -5,6 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from ..config import bounds, check_keys, load_yaml, number, parse_yaml, text, whole_number
+from ..environment.geodesy import GeodeticPoint
+from ..environment.surroundings_file import KEYS as SURROUNDINGS
+from ..environment.surroundings_file import read_surroundings
 from ..environment.wind_file import read_wind
 from ..errors import InputError
 from ..resources import find_config
@@ -18,6 +21,7 @@ KEYS = (
     *('description', 'vehicle', 'model', 'objective', 'phases', *CONDITIONS),
     *('change', 'wind_ned', 'wind', 'wind_strength', 'control_interpolation', 'transcription'),
     *('spacing', 'refine', 'sharpen', 'multistart', 'tolerance', 'max_wall_time'),
+    *(*SURROUNDINGS, 'origin'),
 )
 
 
@@ -66,6 +70,8 @@ def _problem(path: Path, document: dict[str, Any], config_dir: str | Path | None
     for key in ('vehicle',) if phases else ('vehicle', 'duration'):
         if key not in document:
             raise InputError(f"{path}: '{key}' is missing")
+    if phases and document.get('gates'):
+        raise InputError(f'{path}: give either phases or gates: each gate is the end of a phase')
     if phases and 'nodes' in document:
         raise InputError(f'{path}: nodes: give each phase its own')
     wind = document.get('wind_ned', [0, 0, 0])
@@ -94,6 +100,12 @@ def _problem(path: Path, document: dict[str, Any], config_dir: str | Path | None
         phases=phases,
         wind_ned=tuple(number(w, f'{path}: wind_ned') for w in wind),
         change=_bounds(document, 'change', str(path)),
+        surroundings=read_surroundings(
+            {key: document[key] for key in SURROUNDINGS if key in document},
+            str(path),
+            path.parent,
+            _origin(document, f'{path}: origin'),
+        ),
         **conditions,
         **chosen,
     )
@@ -144,6 +156,20 @@ def _phases(value: Any, where: str) -> list[Phase]:
         )
         for name, given in value.items()
     ]
+
+
+def _origin(document: Mapping[str, Any], where: str) -> GeodeticPoint | None:
+    if 'origin' not in document:
+        return None
+    given = check_keys(document['origin'], ('lat', 'lon', 'altitude'), where)
+    for key in ('lat', 'lon'):
+        if key not in given:
+            raise InputError(f"{where}: '{key}' is missing")
+    values = {key: number(value, f'{where}.{key}') for key, value in given.items()}
+    try:
+        return GeodeticPoint(**values)
+    except InputError as error:
+        raise InputError(f'{where}: {error}') from None
 
 
 def _vehicle(path: Path, document: dict[str, Any], config_dir: str | Path | None) -> Vehicle:

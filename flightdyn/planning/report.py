@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..environment.surroundings import NOTHING, Surroundings
 from ..environment.wind import Wind
 from ..errors import ResultCode
 from ..trajectory import Trajectory
@@ -65,6 +66,7 @@ class Plan:
         Controls between its samples are as flown: held, or straight.
     wind_ned : x, y, z [m/s]
     wind : Wind or None
+    surroundings : Surroundings
         As the problem has them.
     others : list of Plan
         Other local optima that were found, if they were asked for, best first.
@@ -74,6 +76,7 @@ class Plan:
     report: PlanReport
     wind_ned: tuple[float, ...] = (0.0, 0.0, 0.0)
     wind: Wind | None = None
+    surroundings: Surroundings = NOTHING
     others: list['Plan'] = field(default_factory=list)
     attempt: Attempt | None = field(default=None, repr=False, compare=False)
 

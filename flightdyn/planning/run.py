@@ -244,8 +244,14 @@ class Run:
             remedies=self.remedies,
             missed=missing or [],
         )
-        wind_ned = tuple(map(float, problem.wind_ned))
-        return Plan(trajectory, report, wind_ned, problem.wind, attempt=attempt)
+        return Plan(
+            trajectory,
+            report,
+            tuple(map(float, problem.wind_ned)),
+            problem.wind,
+            surroundings=problem.surroundings,
+            attempt=attempt,
+        )
 
     def _warnings(self, found: Checked, trajectory: Trajectory) -> list[str]:
         if found.verification is None:
