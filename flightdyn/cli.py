@@ -226,6 +226,8 @@ def _arc(arc: dict[str, Any]) -> str:
 
 
 def _sim(arguments: argparse.Namespace) -> int:
+    from .dynamics.stage import WIND_STRENGTH
+    from .environment.wind_file import read_wind
     from .planning.plan_file import read_plan
     from .simulation.scenario import RATE, load_scenario
     from .simulation.simulator import Simulator, fly
@@ -235,7 +237,11 @@ def _sim(arguments: argparse.Namespace) -> int:
     planned = None
     if arguments.scenario.endswith('.json'):
         planned, document = read_plan(arguments.scenario)
-        model = load_vehicle(planned.vehicle, arguments.config_dir).model()
+        vehicle = load_vehicle(planned.vehicle, arguments.config_dir).with_model(planned.model)
+        model = vehicle.model(
+            read_wind(document['wind'], f'{arguments.scenario}: wind'),
+            free_wind=WIND_STRENGTH in planned.states,
+        )
         initial = {name: float(values[0]) for name, values in planned.states.items()}
         simulator = Simulator(model, initial, planned, wind=document['wind_ned'])
         duration, rate = planned.duration, RATE

@@ -41,6 +41,7 @@ def structure(problem: Problem, mesh: Mesh) -> Structure:
         along=tuple(along),
         ends=tuple(ends),  # type: ignore[arg-type]
         rated=tuple(name for name in stage.controls if name in problem.vehicle.rates),
+        changing=tuple(problem.change),
     )
 
 
@@ -64,8 +65,10 @@ def without_conditions(problem: Problem) -> Problem:
     states = problem.stage.states
     initial = {name: bounds for name, bounds in problem.initial.items() if name in states}
     duration = (LEAST_DURATION * problem.duration[0], problem.duration[1] / LEAST_DURATION)
+    # kept by name: they are part of the structure
+    change = dict.fromkeys(problem.change, UNBOUNDED)
     clear = {name for name in clear_bounds(problem.surroundings) if name not in states}
-    problem = replace(problem, aside=problem.aside | clear)
+    problem = replace(problem, change=change, aside=problem.aside | clear)
     if not problem.phases:
         return replace(problem, initial=initial, final={}, path={}, duration=duration)
     phases = [
@@ -135,6 +138,8 @@ def _bounds(problem: Problem, layout: Layout) -> Array:
             keep(variable, leg.initial.get(each.name, UNBOUNDED))
         if (each.interval, each.position) == (last, 1.0):
             keep(variable, leg.final.get(each.name, UNBOUNDED))
+    for variable, name in zip(layout.changes, layout.structure.changing, strict=True):
+        keep(variable, problem.change[name])
     for row, name in enumerate(layout.structure.rated):
         keep(layout.rates[row], (-problem.vehicle.rates[name], problem.vehicle.rates[name]))
     return limits
@@ -158,6 +163,9 @@ def guess(story: Guess, layout: Layout) -> Array:
             values[layout.steering[:, at, first:last]] = story.columns(
                 layout.control_names, i, positions
             )
+    for variable, name in zip(layout.changes, layout.structure.changing, strict=True):
+        first, last = layout.first_and_last(name)
+        values[variable] = values[last] - values[first]
     values[layout.durations] = story.durations
     values[layout.total] = story.durations.sum()
     soft = [variable for variable, _ in layout.structure.soft]
@@ -186,6 +194,8 @@ def scales(problem: Problem, story: Guess, layout: Layout) -> Array:
     scale = np.array([sizes.get(kind, 1.0) for kind in layout.kinds])
     for row, name in enumerate(layout.structure.rated):
         scale[layout.rates[row]] = problem.vehicle.rates[name]
+    for variable, name in zip(layout.changes, layout.structure.changing, strict=True):
+        scale[variable] = sizes[name]
     scale[layout.durations] = story.durations
     scale[layout.total] = story.durations.sum()
     soft = [variable for variable, _ in layout.structure.soft]

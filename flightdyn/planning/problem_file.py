@@ -4,10 +4,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..config import check_keys, load_yaml, number, parse_yaml, text, whole_number
+from ..config import bounds, check_keys, load_yaml, number, parse_yaml, text, whole_number
 from ..environment.geodesy import GeodeticPoint
 from ..environment.surroundings_file import KEYS as SURROUNDINGS
 from ..environment.surroundings_file import read_surroundings
+from ..environment.wind_file import read_wind
 from ..errors import InputError
 from ..resources import find_config
 from ..vehicles.fields import IN_DEGREES, in_degrees, named_bounds
@@ -18,11 +19,9 @@ from .problem import CHOICES, MAX_NODES, MAX_STARTS, MAX_SUBSTEPS, Phase, Proble
 CONDITIONS = ('duration', 'initial', 'final', 'path', 'guess', 'nodes')
 KEYS = (
     *('description', 'vehicle', 'model', 'objective', 'phases', *CONDITIONS),
-    *('wind_ned', 'control_interpolation', 'transcription', 'spacing', 'refine', 'sharpen'),
-    *('substeps', 'multistart'),
-    *('tolerance', 'max_wall_time'),
-    *SURROUNDINGS,
-    'origin',
+    *('change', 'wind_ned', 'wind', 'wind_strength', 'control_interpolation', 'transcription'),
+    *('spacing', 'substeps', 'refine', 'sharpen', 'multistart', 'tolerance', 'max_wall_time'),
+    *(*SURROUNDINGS, 'origin'),
 )
 
 
@@ -88,6 +87,10 @@ def _problem(path: Path, document: dict[str, Any], config_dir: str | Path | None
             chosen[key] = whole_number(document[key], f'{path}: {key}', lower=1, upper=most)
     for key in ('tolerance', 'max_wall_time'):
         chosen[key] = number(document.get(key, defaults[key].default), f'{path}: {key}')
+    if 'wind' in document:
+        chosen['wind'] = read_wind(document['wind'], f'{path}: wind')
+    if 'wind_strength' in document:
+        chosen['wind_strength'] = bounds(document['wind_strength'], f'{path}: wind_strength')
     return Problem(
         name=path.stem,
         vehicle=_vehicle(path, document, config_dir),
@@ -95,6 +98,7 @@ def _problem(path: Path, document: dict[str, Any], config_dir: str | Path | None
         objective=parse_objective(document.get('objective', 'time'), f'{path}: objective'),
         phases=phases,
         wind_ned=tuple(number(w, f'{path}: wind_ned') for w in wind),
+        change=_bounds(document, 'change', str(path)),
         surroundings=read_surroundings(
             {key: document[key] for key in SURROUNDINGS if key in document},
             str(path),
@@ -110,18 +114,10 @@ def _conditions(
     document: Mapping[str, Any], where: str, phases: Sequence[Phase] = ()
 ) -> dict[str, Any]:
     """Return what a problem and a phase have in common, as arguments of either."""
-
-    def named(key: str) -> dict[str, Any]:
-        value = document.get(key, {})
-        if not isinstance(value, Mapping):
-            raise InputError(f'{where}: {key}: expected names and values, got {value!r}')
-        return {str(k): v for k, v in value.items()}
-
-    found: dict[str, Any] = {
-        group: {k: named_bounds(k, v, f'{where}: {group}.{k}') for k, v in named(group).items()}
-        for group in ('initial', 'final', 'path')
-    }
-    found['guess'] = {k: _points(k, v, f'{where}: guess.{k}') for k, v in named('guess').items()}
+    groups = ('initial', 'final', 'path')
+    found: dict[str, Any] = {group: _bounds(document, group, where) for group in groups}
+    story = _named(document, 'guess', where)
+    found['guess'] = {k: _points(k, v, f'{where}: guess.{k}') for k, v in story.items()}
     if 'nodes' in document:
         found['nodes'] = whole_number(
             document['nodes'], f'{where}: nodes', lower=1, upper=MAX_NODES
@@ -134,6 +130,18 @@ def _conditions(
         lower, upper = (sum(phase.duration[i] for phase in phases) for i in range(2))
         guess = sum(phase.duration_guess for phase in phases)
     return {**found, 'duration': (lower, upper), 'duration_guess': guess}
+
+
+def _named(document: Mapping[str, Any], key: str, where: str) -> dict[str, Any]:
+    value = document.get(key, {})
+    if not isinstance(value, Mapping):
+        raise InputError(f'{where}: {key}: expected names and values, got {value!r}')
+    return {str(k): v for k, v in value.items()}
+
+
+def _bounds(document: Mapping[str, Any], key: str, where: str) -> dict[str, Any]:
+    given = _named(document, key, where)
+    return {k: named_bounds(k, v, f'{where}: {key}.{k}') for k, v in given.items()}
 
 
 def _phases(value: Any, where: str) -> list[Phase]:

@@ -81,6 +81,7 @@ def resampled(attempt: Attempt, layout: Layout) -> Array:
     values[layout.durations] = attempt.values[old.durations]
     values[layout.total] = attempt.values[old.total]
     values[layout.integrals] = attempt.values[old.integrals]
+    values[layout.changes] = attempt.values[old.changes]
 
     def places(of: Mesh, positions: Array) -> Array:
         at = of.phase + of.begin + positions[:, None] * of.length

@@ -272,6 +272,7 @@ class Run:
             trajectory,
             report,
             tuple(map(float, problem.wind_ned)),
+            problem.wind,
             surroundings=problem.surroundings,
             attempt=attempt,
         )
