@@ -188,7 +188,7 @@ def _plan(arguments: argparse.Namespace) -> int:
         )
     document = plan_document(plan)
     for path in outputs:
-        export.write_flight(path, plan.trajectory, document)
+        export.write_flight(path, plan.trajectory, document, limits=problem.bounded())
     report = plan.report
     if arguments.json:
         print(json.dumps(document))

@@ -45,7 +45,7 @@ def _replay_one(log: str, arguments: argparse.Namespace) -> tuple[dict[str, Any]
     planned = plans[-1] if plans else None
     flight = replace(replay.trajectory, vehicle=planned.vehicle if planned else '')
     for path in outputs:
-        export.write_replay(path, flight, summary, planned=planned)
+        export.write_replay(path, flight, summary, planned=planned, track=replay.track)
     rows = [
         ('source', f'{summary["source"]} ({summary["schema"]})'),
         ('used', f'{summary["used"]} of {summary["messages"]} messages'),
