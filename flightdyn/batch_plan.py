@@ -1,18 +1,18 @@
 """Sweeps of plans: a job for each case, and what is done for it wherever it is run.
 
-What a case gives depends on the case and on one neighbour alone, whose plan its solve starts
-from. That neighbour's plan depends on nothing but its own problem, and a process that has not got
-it makes it. So neither the number of processes, nor their order, nor an interruption changes a
-result.
+What a case gives depends on the case and on few neighbours alone, leaders, of which the first
+that has a plan is where its solve starts. A leader's plan starts from its own guess, and a process
+that has not got it makes it. So neither the number of processes, nor their order, nor an
+interruption changes a result.
 """
 
 import hashlib
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,12 +29,18 @@ from .planning.problem_file import load_problem
 from .planning.refinement import first_mesh
 from .planning.report import Plan
 from .planning.sampling import neighbourhoods
-from .planning.sweep import Case, Sweep
+from .planning.sweep import ENDS, Case, Footprint, Sweep, is_number
+from .tables import SUFFIXES, read_table
 
-PICTURE = 'sweep.png'
+if TYPE_CHECKING:
+    from .viewing.footprint import Area
+
+PICTURE, FOOTPRINT = 'sweep.png', 'footprint.rrd'
 NEIGHBOURS = 16
 """Most cases that start from one: as many solves for one from the problem's guess."""
-MAX_LEADERS = 4  # plans that a process keeps to start others from
+LEADERS = 3
+"""How many of them are tried, from the middle outwards, for a plan to start the others from."""
+MAX_KEPT = 2 * LEADERS  # plans that a process keeps to start others from
 PASSING = (ResultCode.TIME_LIMIT, ResultCode.CANCELLED, ResultCode.INTERNAL)
 """Failures that another time or a faster machine may not see: they are tried again."""
 
@@ -67,7 +73,10 @@ def sweep_jobs(sweep: Sweep) -> list[Job]:
         raise wrong
     leaders = _leaders(sweep, kinds.values())
     width = len(str(len(cases) - 1))
-    return [_job(sweep, case, cases[leaders[case.number]], problems, width) for case in cases]
+    return [
+        _job(sweep, case, [cases[n] for n in leaders[case.number]], problems, width)
+        for case in cases
+    ]
 
 
 def _kind(problem: Problem) -> Any:
@@ -76,33 +85,33 @@ def _kind(problem: Problem) -> Any:
     return repr(problem.vehicle), structure(lean, first_mesh(lean))
 
 
-def _leaders(sweep: Sweep, kinds: Any) -> dict[int, int]:
-    """Return the case that each one starts from; itself if it starts from its guess."""
-    leaders = {number: number for number in range(sweep.samples)}
+def _leaders(sweep: Sweep, kinds: Iterable[list[int]]) -> dict[int, list[int]]:
+    """Return the cases whose plans each one may start from."""
+    leaders: dict[int, list[int]] = {number: [] for number in range(sweep.samples)}
     if sweep.start == 'cold':
         return leaders
     for members in kinds:
-        numbers = np.array(members)
-        for group in neighbourhoods(sweep.places[numbers], NEIGHBOURS):
-            leaders |= {members[each]: members[group[0]] for each in group}
+        for group in neighbourhoods(sweep.places[members], NEIGHBOURS):
+            numbers = [members[each] for each in group]
+            leaders |= dict.fromkeys(numbers, numbers[:LEADERS])
     return leaders
 
 
 def _job(
-    sweep: Sweep, case: Case, leader: Case, problems: Sequence[str | None], width: int
+    sweep: Sweep, case: Case, leaders: Sequence[Case], problems: Sequence[str | None], width: int
 ) -> Job:
     values = {name: formula.source for name, formula in sweep.values.items()}
     # of what is no problem nothing is left to tell it by
-    what = [problems[each.number] or each.settings for each in (case, leader)]
+    what = [problems[each.number] or each.settings for each in (case, *leaders)]
     key = f'{case.number:0{width}}'
     return Job(
         key=key,
-        output=f'plans/{key}.{sweep.plans}',
+        output=f'plans/{key}{sweep.plans}',
         arguments={
             'problem': sweep.problem,
             'settings': case.settings,
             'known': problems[case.number],
-            'leader': leader.settings,
+            'leaders': [leader.settings for leader in leaders],
             'start': sweep.start,
             'values': values,
             'parameters': dict(case.parameters),
@@ -110,7 +119,7 @@ def _job(
         },
         columns=sweep.told(case),
         fingerprint=digest([what, sweep.start, values, installed_version()]),
-        group='' if sweep.start == 'cold' else f'{leader.number}',
+        group=f'{leaders[0].number}' if leaders else '',
     )
 
 
@@ -120,7 +129,7 @@ def plan_job(
     problem: str,
     settings: Sequence[str],
     known: str | None,
-    leader: Sequence[str],
+    leaders: Sequence[Sequence[str]],
     start: str,
     values: Mapping[str, str],
     parameters: Mapping[str, Any],
@@ -130,9 +139,11 @@ def plan_job(
 
     Parameters
     ----------
-    settings, leader : sequence of 'KEY=VALUE'
-        Of the case, and of the one whose plan it starts from; the same for one that starts from
-        its guess.
+    settings : sequence of 'KEY=VALUE'
+        Of the case.
+    leaders : sequence of settings
+        Of those of which the first that has a plan is where this one starts, if it is not among
+        these before.
     known : str or None
         Digest of what the problem was when the sweep was laid out.
     values : mapping of name to formula
@@ -150,7 +161,8 @@ def plan_job(
             f'{problem}: not what it was when the sweep was started: its files, or those of its '
             'vehicle, have changed or are others here'
         )
-    plan = _planned(made, load_problem(problem, leader, config_dir), start)
+    leading = (load_problem(problem, each, config_dir) for each in leaders)
+    plan = _planned(made, leading, start)
     report = plan.report
     if report.code in PASSING:
         raise NotConvergedError(report.message, report.code, plan)
@@ -176,13 +188,19 @@ def plan_job(
     }
 
 
-def _planned(problem: Problem, leader: Problem, start: str) -> Plan:
+def _planned(problem: Problem, leaders: Iterable[Problem], start: str) -> Plan:
     """Return the plan of a case; of two, the better one that is verified."""
-    if start == 'cold':
+    key = digest(problem)
+    leading = None
+    for leader in leaders:
+        if digest(leader) == key:  # those before it are of no use to it
+            return _leading(problem, again=True)
+        found = _leading(leader)
+        if found.report.verified:
+            leading = found
+            break
+    if leading is None:
         return _planner().plan(problem)
-    leading = _leading(leader, again=digest(problem) == digest(leader))
-    if digest(problem) == digest(leader):
-        return leading
     near = _planner().plan(problem, near=leading)
     if start == 'near' or not near.near:
         return near
@@ -196,7 +214,7 @@ def _planned(problem: Problem, leader: Problem, start: str) -> Plan:
 _kept: OrderedDict[str, Plan] = OrderedDict()
 
 
-def _leading(problem: Problem, *, again: bool) -> Plan:
+def _leading(problem: Problem, *, again: bool = False) -> Plan:
     """Return the plan of a problem from its own guess; the last few are kept.
 
     Parameters
@@ -208,7 +226,7 @@ def _leading(problem: Problem, *, again: bool) -> Plan:
     plan = _kept.get(key)
     if plan is None or (again and plan.report.code in PASSING):
         plan = _kept[key] = _planner().plan(problem)
-        while len(_kept) > MAX_LEADERS:
+        while len(_kept) > MAX_KEPT:
             _kept.popitem(last=False)
     return plan
 
@@ -275,7 +293,39 @@ def draw_pictures(sweep: Sweep, batch: Batch) -> list[Path]:
         )
         drawn.append(batch.folder / PICTURE)
         save_figure(figure, drawn[-1])
+    if sweep.footprint is not None:
+        from .viewing.footprint import save_footprint
+
+        drawn.append(batch.folder / FOOTPRINT)
+        areas = _areas(sweep, sweep.footprint, rows, batch.folder)
+        save_footprint(drawn[-1], areas, place=sweep.footprint.place, title=sweep.description)
     return drawn
+
+
+def _areas(sweep: Sweep, footprint: Footprint, rows: Sequence[Row], folder: Path) -> list['Area']:
+    """Return what verified plans that share all parameters but one bound."""
+    from .viewing.footprint import Area
+
+    others = [p.key for p in sweep.parameters if p.key != footprint.around]
+    found: dict[tuple[Any, ...], list[Row]] = {}
+    for row in rows:
+        if row.get('verified'):
+            found.setdefault(tuple(row[key] for key in others), []).append(row)
+    areas = []
+    for shared, members in found.items():
+        once_round = sorted(members, key=lambda row: row[footprint.around])
+        words = (
+            f'{key} {value:g}' if is_number(value) else f'{key} {value}'
+            for key, value in zip(others, shared, strict=True)
+        )
+        flights = []
+        if sweep.plans in SUFFIXES:
+            for row in once_round:
+                columns, _ = read_table(folder / row['output'])
+                flights.append(np.column_stack([columns[name] for name in ('x_e', 'y_e', 'z_e')]))
+        ends = np.array([[row[name] for name in ENDS] for row in once_round])
+        areas.append(Area(', '.join(words), ends, flights))
+    return areas
 
 
 def _columns(rows: Sequence[Row], names: Sequence[str]) -> dict[str, Any]:

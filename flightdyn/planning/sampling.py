@@ -36,7 +36,7 @@ def latin_hypercube(n: int, d: int, seed: int) -> Array:
 
 
 def neighbourhoods(places: Array, most: int) -> list[list[int]]:
-    """Return points in groups that lie together, each led by the one nearest to its middle.
+    """Return points in groups that lie together, each from its middle outwards.
 
     Parameters
     ----------
@@ -70,7 +70,6 @@ def _halved(places: Array, group: Index, most: int) -> list[Index]:
 
 def _from_the_middle(places: Array, group: Index) -> list[int]:
     centre = (places[group].min(axis=0) + places[group].max(axis=0)) / 2
-    # rounded: of points that are equally far the first leads, on every machine
+    # rounded: points that are equally far are in their order, on every machine
     far = np.round(np.linalg.norm(places[group] - centre, axis=1), 9)
-    leader = int(group[np.argmin(far)])
-    return [leader, *(int(member) for member in np.sort(group) if member != leader)]
+    return [int(member) for member in group[np.lexsort((group, far))]]

@@ -30,6 +30,8 @@ COLUMNS = (
     *(*REPORTED, 'start', 'warnings'),
 )
 """What a table has beside parameters and values."""
+ENDS = ('final.x_e', 'final.y_e')
+"""Values that a footprint is made of [m]."""
 PLACEHOLDER = re.compile(r'\{([^{}]*)\}')
 """A formula of parameters in the text of a setting."""
 

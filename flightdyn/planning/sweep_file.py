@@ -18,6 +18,7 @@ from .plan_values import REPORTED
 from .problem_file import KEYS as PROBLEM_KEYS
 from .sweep import (
     COLUMNS,
+    ENDS,
     PLACEHOLDER,
     SAMPLINGS,
     STARTS,
@@ -36,7 +37,7 @@ KEYS = (
 RANGE_KEYS = ('from', 'to', 'steps')
 PICTURE_KEYS = ('over', 'value', 'title', 'units', 'labels')
 FOOTPRINT_KEYS = ('around', 'place')
-PLANS = ('parquet', 'csv', 'json', 'mcap', 'rrd')
+PLANS = ('.parquet', '.csv', '.json', '.mcap', '.rrd')
 MAX_CASES = 100_000
 
 
@@ -65,6 +66,9 @@ def load_sweep(name: str, config_dir: str | Path | None = None) -> Sweep:
     parameters = _parameters(document['over'], f'{where}: over', chosen['sampling'] == 'grid')
     _check_names(settings, parameters, where)
     values = _values(document.get('value', []), parameters, f'{where}: value')
+    footprint = _footprint(document.get('footprint'), parameters, f'{where}: footprint')
+    if footprint is not None:
+        values |= {name: Expression(name) for name in ENDS}
     return Sweep(
         name=path.stem,
         description=text(document.get('description', ''), f'{where}: description'),
@@ -75,7 +79,7 @@ def load_sweep(name: str, config_dir: str | Path | None = None) -> Sweep:
         seed=whole_number(document.get('seed', 0), f'{where}: seed', lower=0, upper=2**32 - 1),
         values=values,
         picture=_picture(document.get('picture', {}), parameters, values, f'{where}: picture'),
-        footprint=_footprint(document.get('footprint'), parameters, f'{where}: footprint'),
+        footprint=footprint,
         config_dir=None if config_dir is None else str(Path(config_dir).absolute()),
         **chosen,
     )
@@ -238,4 +242,7 @@ def _footprint(value: Any, parameters: Sequence[Parameter], where: str) -> Footp
         if key not in place:
             raise InputError(f"{where}.place: '{key}' is missing")
     lat, lon = (number(place[key], f'{where}.place.{key}') for key in ('lat', 'lon'))
-    return Footprint(around, GeodeticPoint(lat, lon))
+    try:
+        return Footprint(around, GeodeticPoint(lat, lon))
+    except InputError as error:
+        raise InputError(f'{where}.place: {error}') from None
