@@ -72,7 +72,7 @@ def _guess(message: Any, problem: Problem) -> Any:
     if max(sizes) > MAX_GUESS:
         raise InputError(f'guess: over {MAX_GUESS} values')
     guess = trajectory_from_message(message)
-    model = problem.vehicle.model()
+    model = problem.model
     for group, known in (('states', model.states), ('controls', tuple(model.controls))):
         for name in getattr(guess, group):
             if name not in known:

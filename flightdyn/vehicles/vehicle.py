@@ -10,7 +10,16 @@ from ..dynamics.base import G
 from ..dynamics.stage import KINEMATICS
 from ..errors import InputError
 from ..resources import find_config, list_configs
-from . import aero_buildup, aero_direct, aero_polar, aero_table, buoyancy, propeller, propulsion
+from . import (
+    aero_buildup,
+    aero_direct,
+    aero_polar,
+    aero_table,
+    buoyancy,
+    jet,
+    propeller,
+    propulsion,
+)
 from .aerodynamics import COEFFICIENTS, Aerodynamics
 from .definition import STEERED
 from .definition import Vehicle as Vehicle
@@ -34,6 +43,7 @@ AERODYNAMICS = {
 PROPULSION = {
     'rocket': (propulsion.ROCKET_KEYS, propulsion.read_rocket),
     'propeller': (propeller.KEYS, propeller.read_propeller),
+    'jet': (jet.KEYS, jet.read_jet),
 }
 
 SHAPES = {'rocket': ('length', 'diameter'), 'balloon': ('diameter',)}
