@@ -16,6 +16,7 @@ from .errors import EXIT_CODES, FlightdynError, ResultCode
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from .planning.problem import Problem
     from .vehicles.vehicle import Vehicle
 
 
@@ -154,7 +155,13 @@ def _plan(arguments: argparse.Namespace) -> int:
         )
     document = plan_document(plan)
     for path in outputs:
-        export.write_flight(path, plan.trajectory, document, limits=problem.bounded())
+        export.write_flight(
+            path,
+            plan.trajectory,
+            document,
+            surroundings=plan.surroundings,
+            limits=_limits(problem),
+        )
     report = plan.report
     if arguments.json:
         print(json.dumps(document))
@@ -184,6 +191,16 @@ def _plan(arguments: argparse.Namespace) -> int:
     if report.code != ResultCode.SUCCESS:
         print(f'flightdyn: {report.message}', file=sys.stderr)
     return EXIT_CODES[report.code]
+
+
+def _limits(problem: 'Problem') -> dict[str, tuple[float, float]]:
+    """Return the bounds that hold all the way."""
+    every = [problem.bounded(leg) for leg in range(len(problem.legs))]
+    return {
+        name: bounds
+        for name, bounds in every[0].items()
+        if all(others.get(name) == bounds for others in every)
+    }
 
 
 def _arc(arc: dict[str, Any]) -> str:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .environment.surroundings import Surroundings
 from .errors import InputError
 from .files import check_writable, written_whole
 from .trajectory import Trajectory
@@ -43,6 +44,7 @@ def write_flight(
     document: dict[str, Any],
     *,
     planned: Trajectory | None = None,
+    surroundings: Surroundings | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
 ) -> None:
     """Write a plan or a simulated flight; `document` is what a .json file holds.
@@ -59,7 +61,7 @@ def write_flight(
         about = {'vehicle': flight.vehicle, 'model': flight.model}
         write_table({'time': flight.time, **flight.columns}, path, about)
     else:
-        _write_view(path, flight, document, planned, limits)
+        _write_view(path, flight, document, planned, surroundings, limits)
 
 
 def write_replay(
@@ -87,6 +89,7 @@ def _write_view(
     flight: Trajectory,
     document: dict[str, Any],
     planned: Trajectory | None,
+    surroundings: Surroundings | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
     track: 'Track | None' = None,
 ) -> None:
@@ -101,7 +104,8 @@ def _write_view(
         from .viewing.figures import About, figure_for, save_figure
 
         about = About(document=document, limits=limits or {})
-        save_figure(figure_for(flight, about=about, planned=planned, track=track), path)
+        figure = figure_for(flight, surroundings, about=about, planned=planned, track=track)
+        save_figure(figure, path)
 
 
 def flight_document(flight: Trajectory, **more: Any) -> dict[str, Any]:

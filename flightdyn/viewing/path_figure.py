@@ -66,7 +66,7 @@ def path_figure(
     motion = motion_of(trajectory)
     trajectory = with_usual(trajectory, motion)
     _, per_second = time_unit(trajectory)
-    terrain = surroundings is not None and surroundings.terrain is not None
+    terrain = surroundings and surroundings.terrain
     steep = not terrain and np.ptp(motion.altitude) > STEEP * motion.size
     panels = panels_of(trajectory, about)[: MAX_PANELS - steep]
     if steep:
@@ -98,7 +98,7 @@ def _above(
 ) -> None:
     name = 'airspeed' if 'airspeed' in trajectory else 'speed'
     scale = draw_track(figure, ax, motion, trajectory[name], f'{name} [m/s]')
-    if surroundings is not None:
+    if surroundings:
         draw_ground(ax, surroundings, scale)
         _look_at(ax, motion, surroundings, scale)
     legend_above(ax)
@@ -125,7 +125,7 @@ def _heights(ax: Axes, motion: Motion, surroundings: Surroundings | None) -> Non
     along = motion.arc_length * scale
     for part in motion.segments:
         ax.plot(along[part], motion.altitude[part] * factor, **look_of(0))
-    if surroundings is not None:
+    if surroundings:
         draw_below(ax, surroundings, motion, along, factor)
     ax.set(xlabel=f'distance flown [{unit}]', ylabel=f'altitude [{shown}]')
     ax.set_xlim(along[0], along[-1])

@@ -73,7 +73,7 @@ def draw_ground(ax: Axes, surroundings: Surroundings, scale: float) -> None:
 def draw_below(
     ax: Axes, surroundings: Surroundings, motion: Motion, along: Array, factor: float
 ) -> None:
-    """Draw the ground under a flight, and the gates where it comes nearest to them.
+    """Draw the ground under a flight, the clearance it keeps, and gates where it is nearest.
 
     Parameters
     ----------
@@ -90,6 +90,9 @@ def draw_below(
             ax.fill_between(
                 along[part], foot * factor, ground[part] * factor, color=_GROUND_COLOR, lw=0
             )
+            if surroundings.terrain.clearance > 0:
+                least = (ground[part] + surroundings.terrain.clearance) * factor
+                ax.plot(along[part], least, color=MUTED, ls=(0, (5, 4)), lw=0.9, zorder=1)
         ax.set_ylim(bottom=foot * factor)
     for gate in surroundings.gates:
         apart = np.linalg.norm(motion.position - np.array(gate.centre) * [1, 1, -1], axis=1)
