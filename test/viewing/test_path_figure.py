@@ -109,3 +109,31 @@ def test_a_steep_flight_is_drawn_in_space() -> None:
     np.testing.assert_allclose(path.get_data_3d()[2][[0, -1]], [100, 500])
     assert np.ptp(shadow.get_data_3d()[2]) == 0
     assert 'altitude [m]' in by_label(steep)
+
+
+def test_a_rigid_body_in_space_is_drawn_as_it_is_turned() -> None:
+    t = np.linspace(0, 2, 21)
+    names = ('front', 'rear', 'left')
+    quad = Trajectory(
+        time=t,
+        states={
+            'x_e': 10 * t, 'y_e': t, 'z_e': -5 * t, 'phi': 0 * t, 'theta': 0 * t + np.pi / 2,
+            'psi': 0 * t, 'p': 0 * t,
+        },
+        controls=dict.fromkeys(names, 1 + 1e-6 * np.sin(t)),
+    )  # fmt: skip
+    figure = figures.figure_for(quad)
+    (space,) = (ax for ax in figure.axes if hasattr(ax, 'get_zlabel'))
+    bars = [np.array(line.get_data_3d()) for line in space.lines if line.get_linewidth() == 1.8]
+    assert len(bars) == 3 * 11
+    # nose up: fore and aft is upright, what was up points back to the south
+    fore = np.diff(bars[0], axis=1).ravel()
+    np.testing.assert_allclose(fore, [0, 0, np.linalg.norm(fore)], atol=1e-9)
+    up = np.diff(bars[-1], axis=1).ravel()
+    np.testing.assert_allclose(up, [0, -np.linalg.norm(up), 0], atol=1e-9)
+    # rotors have no unit: three or more share an axis all the same
+    axes = by_label(figure)
+    assert [t.get_text() for t in axes['[-]'].get_legend().get_texts()] == list(names)
+    assert axes['[-]'].get_ylim() == pytest.approx(
+        (0.95, 1.05), rel=1e-5
+    )  # steady, not magnified noise
