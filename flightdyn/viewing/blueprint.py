@@ -1,6 +1,6 @@
 """How a recording opens in the Rerun viewer: which views, where, from which side."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -93,6 +93,82 @@ def flight_blueprint(layout: Layout) -> rrb.Blueprint:
             play_state='paused',
             playback_speed=playback_speed(layout.duration),
             loop_mode='all',
+        ),
+        rrb.BlueprintPanel(state='hidden'),
+        rrb.SelectionPanel(state='hidden'),
+        auto_views=False,
+    )
+
+
+def live_blueprint(
+    *,
+    vehicle: str | None,
+    chase_distance: float,
+    overview: Camera | None,
+    plots: Mapping[str, str],
+    iterating: bool,
+) -> rrb.Blueprint:
+    """Return the blueprint of what comes in live: it follows the newest data.
+
+    Parameters
+    ----------
+    vehicle : str or None
+        The one to chase, if any has been seen.
+    chase_distance : float
+        Size of that vehicle [m].
+    overview : Camera or None
+        From where a whole path is seen; without one the overview follows the vehicle.
+    plots : mapping of key to title
+    iterating : bool
+        Whether there are a solver's iterations to watch.
+    """
+    # pieces of trail since the start stay; all else is as it is now
+    trail = rrb.VisibleTimeRange(
+        'flight_time',
+        start=rrb.TimeRangeBoundary.infinite(),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
+    )
+    eye = _eye(overview) if overview else rrb.EyeControls3D(tracking_entity=f'/world/{vehicle}')
+    scenes: list[rrb.View] = [
+        rrb.Spatial3DView(
+            origin='/world',
+            name='Overview',
+            background=SKY,
+            eye_controls=eye,
+            time_ranges=[trail],
+        )
+    ]
+    if vehicle is not None:
+        d = chase_distance
+        scenes.append(
+            rrb.Spatial3DView(
+                origin=f'/world/chase/{vehicle}',
+                name='Chase',
+                contents=['+ /world/**', f'- /world/{vehicle}/marker'],
+                background=SKY,
+                eye_controls=_eye(Camera((-1.9 * d, 0.9 * d, 0.8 * d), (0.0, 0.0, 0.0))),
+                time_ranges=[trail],
+            )
+        )
+    recent = rr.TimeRange(
+        start=rr.TimeRangeBoundary.cursor_relative(seconds=-60),
+        end=rr.TimeRangeBoundary.cursor_relative(seconds=0),
+    )
+    views: list[rrb.View] = [
+        rrb.TimeSeriesView(
+            origin=f'/plots/{key}', name=title, axis_x=rrb.TimeAxis(view_range=recent)
+        )
+        for key, title in list(plots.items())[:MAX_PLOT_ROWS]
+    ]
+    if iterating:
+        views.append(rrb.TimeSeriesView(origin='/iterations', name='Duration of the iterate [s]'))
+    views.append(rrb.TextLogView(origin='/events', name='Events'))
+    return rrb.Blueprint(
+        rrb.Horizontal(rrb.Vertical(*scenes), rrb.Vertical(*views), column_shares=[2, 1]),
+        rrb.TimePanel(
+            state='collapsed',
+            timeline='flight_time' if vehicle is not None or not iterating else 'iteration',
+            play_state='following',
         ),
         rrb.BlueprintPanel(state='hidden'),
         rrb.SelectionPanel(state='hidden'),

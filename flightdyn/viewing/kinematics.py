@@ -124,6 +124,13 @@ def motion_of(trajectory: Trajectory, *, origin: GeodeticPoint | None = None) ->
     )
 
 
+def level_attitude(heading: Array) -> Array:
+    """Return the attitude (n, 4) of a level frame forward, left, up at headings [rad]."""
+    turn = frames.quaternion_from_euler(0.0, 0.0, heading)
+    # The viewer wants up to be up: half a turn about forward.
+    return _stack(frames.quaternion_multiply(turn, (0.0, 1.0, 0.0, 0.0)))
+
+
 def thinned(trajectory: Trajectory, most: int) -> Trajectory:
     """Return about `most` of a trajectory's samples, or all of them if there are no more.
 
