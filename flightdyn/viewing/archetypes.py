@@ -1,13 +1,16 @@
 """What the views have in common: meshes, quaternions, colours and times as Rerun takes them."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import frames
 from ..errors import MissingExtraError
-from .meshes import Mesh
+from .mesh_files import MeshFile
+from .solids import Mesh
 
 try:
     import rerun as rr
@@ -63,23 +66,65 @@ def slices(n: int, rows: int = ROWS) -> Iterator[slice]:
         yield slice(start, min(start + rows, n))
 
 
-def solid(mesh: Mesh) -> rr.Mesh3D:
-    """Return a mesh as it is."""
-    return rr.Mesh3D(
-        vertex_positions=mesh.vertices,
-        vertex_normals=mesh.normals,
-        vertex_colors=mesh.colors,
-    )
+def send(
+    rec: rr.RecordingStream, entity: str, clock: Clock, columns: Callable[[slice], Iterable[Any]]
+) -> None:
+    """Send columns over time in slices of bounded length."""
+    for rows in slices(len(clock)):
+        rec.send_columns(entity, indexes=clock.at(rows), columns=columns(rows))
 
 
-def ghost(mesh: Mesh, fade: float, alpha: int) -> rr.Mesh3D:
-    """Return a translucent mesh with its colours faded towards white."""
-    return rr.Mesh3D(
-        vertex_positions=mesh.vertices,
-        vertex_normals=mesh.normals,
-        vertex_colors=((1 - fade) * mesh.colors + fade * 225).astype(np.uint8),
-        albedo_factor=[255, 255, 255, alpha],
+def log_body(rec: rr.RecordingStream, entity: str, shape: Mesh | MeshFile) -> None:
+    """Log a vehicle's shape in its body axes."""
+    if isinstance(shape, Mesh):
+        look = rr.Mesh3D(
+            vertex_positions=shape.vertices,
+            vertex_normals=shape.normals,
+            vertex_colors=shape.colors,
+        )
+        rec.log(entity, look, static=True)
+    else:
+        turn = xyzw(np.array([frames.Q_BODY_GLTF]))[0]
+        pose = rr.Transform3D(quaternion=turn, scale=shape.scale)
+        rec.log(entity, rr.Asset3D(path=shape.path), pose, static=True)
+
+
+def log_ghosts(
+    rec: rr.RecordingStream,
+    entity: str,
+    shape: Mesh | MeshFile,
+    *,
+    poses: tuple[Array, Array] | None = None,
+    fade: float = 0.6,
+    alpha: int = 100,
+) -> None:
+    """Log a translucent shape, its colours faded towards white.
+
+    Parameters
+    ----------
+    poses : (positions (n, 3), attitudes (n, 4))
+        Where it is drawn; at the entity's own place unless given.
+    """
+    look: rr.AsComponents
+    if isinstance(shape, Mesh):
+        look = rr.Mesh3D(
+            vertex_positions=shape.vertices,
+            vertex_normals=shape.normals,
+            vertex_colors=((1 - fade) * shape.colors + fade * 225).astype(np.uint8),
+            albedo_factor=[255, 255, 255, alpha],
+        )
+        turn, scale = (1.0, 0.0, 0.0, 0.0), 1.0
+    else:
+        look = rr.Asset3D(path=shape.path, albedo_factor=[255, 255, 255, alpha])
+        turn, scale = frames.Q_BODY_GLTF, shape.scale
+    rec.log(entity, look, static=True)
+    where, attitudes = poses or (np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]]))
+    w, x, y, z = attitudes.T
+    turned = np.stack(frames.quaternion_multiply((w, x, y, z), turn), axis=-1)
+    instances = rr.InstancePoses3D(
+        translations=where, quaternions=xyzw(turned), scales=[[scale] * 3] * len(where)
     )
+    rec.log(entity, instances, static=True)
 
 
 def xyzw(attitude: Array) -> NDArray[np.float32]:

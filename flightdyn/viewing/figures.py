@@ -15,7 +15,6 @@ from .flip_figure import flip_figure as flip_figure
 from .kinematics import Motion, motion_of, pose_at
 from .plotting import COLORS, draw_columns, new_figure, style, time_unit, title_of
 from .quantities import unit_of
-from .scenery import speed_range
 from .study_figures import polar_figure as polar_figure
 from .study_figures import profile_figure as profile_figure
 from .study_figures import sweep_figure as sweep_figure
@@ -248,7 +247,7 @@ def _speed_lines(motion: Motion, scale: float) -> LineCollection:
         list(np.concatenate(pieces)), cmap='viridis', linewidths=1.6, capstyle='round'
     )
     lines.set_array(np.concatenate(speeds))
-    lines.set_clim(*speed_range(motion))
+    lines.set_clim(*np.quantile(motion.speed, (0.005, 0.995)))
     return lines
 
 

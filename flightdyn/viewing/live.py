@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, MissingExtraError
 from ..trajectory import Trajectory
+from ..vehicles.geometry import load_geometry
 from . import scenery
-from .archetypes import APPLICATION, MARKED, PLANNED, Clock, line_color, solid, xyzw
+from .archetypes import APPLICATION, MARKED, PLANNED, Clock, line_color, log_body, xyzw
 from .blueprint import live_blueprint
 from .kinematics import Motion, level_attitude, motion_of
 from .meshes import mesh_for
@@ -193,9 +194,9 @@ class LiveView:
         motion = motion_of(flight)
         craft = self._crafts.get(name)
         if craft is None:
-            mesh = mesh_for(flight.vehicle)
+            mesh = mesh_for(flight.vehicle, geometry=load_geometry(flight.vehicle))
             craft = self._crafts[name] = _Craft(mesh.size)
-            self._rec.log(f'world/{name}/body', solid(mesh), static=True)
+            log_body(self._rec, f'world/{name}/body', mesh)
             dot = rr.Points3D([[0.0, 0.0, 0.0]], radii=rr.Radius.ui_points(4.0), colors=[MARKED])
             self._rec.log(f'world/{name}/marker', dot, static=True)
             self._rec.log(f'world/chase/{name}', rr.ViewCoordinates.FLU, static=True)
