@@ -69,8 +69,9 @@ def _section(section: Mapping[str, Any], origin: Array) -> Array:
     thickness = int(digits) / 100 if digits.isdecimal() and int(digits) else _THICKNESS
     x = _OUTLINE[:, 0] * chord
     z = _OUTLINE[:, 1] * thickness * chord / 2
-    outline = np.column_stack([x, np.zeros(len(x)), z])
-    return outline + np.array(section['le'], float) + origin
+    outline: Array = np.column_stack([x, np.zeros(len(x)), z])
+    outline += np.array(section['le'], float) + origin
+    return outline
 
 
 def _fuselage(fuselage: Mapping[str, Any]) -> list[Part]:
