@@ -99,21 +99,15 @@ class Horizon:
         Raises
         ------
         InputError
-            If a state of the model that the problem does not fix is missing.
+            If a state of the model is missing.
         """
         stage, wind = self._problem.stage, np.asarray(self._problem.wind_ned, dtype=float)
-        start = {}
-        for name in stage.states:
-            lower, upper = self._problem.initial.get(name, (-np.inf, np.inf))
-            if name in request.state and np.isfinite(request.state[name]):
-                start[name] = float(request.state[name])
-            elif lower == upper:
-                start[name] = lower
-            else:
-                raise InputError(
-                    f'the state has no {name}, a state of {self._problem.vehicle.name}, and '
-                    f'{self._problem.name} does not fix it at the start'
-                )
+        start = {name: request.state.get(name, np.nan) for name in stage.states}
+        missing = [name for name, value in start.items() if not np.isfinite(value)]
+        if missing:
+            raise InputError(
+                f'the state has no {", ".join(missing)}: a state of {self._problem.vehicle.name}'
+            )
         steps = int(np.ceil(request.lead / MAX_STEP))
         x = np.array([start[name] for name in stage.states])
         edges = np.linspace(0.0, request.lead, steps + 1)
