@@ -1,4 +1,4 @@
-"""A vehicle flying in simulated time, following the controls of a trajectory."""
+"""A vehicle flying in simulated time, by the controls of a trajectory or of a controller."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -13,6 +13,7 @@ from ..errors import InputError
 from ..trajectory import Columns, Trajectory
 from .gusts import GUST_STEP, Gusts, gust_earth
 from .integrator import rk4_step
+from .steering import OpenLoop, Steering
 
 Array = NDArray[np.float64]
 
@@ -29,8 +30,9 @@ class Simulator:
     model : Model
     initial : mapping of state name to value
         The others start at `stage.rest`: 0, or an attitude quaternion of length 1.
-    controls : Trajectory
-        Whose controls are followed, by its own time; beyond its ends they hold.
+    controls : Trajectory or Steering
+        Whose controls are followed, by its own time and beyond its ends held; or a controller,
+        such as `control.tracker.Tracker`.
     wind : x, y, z [m/s]
         Where the air moves to, earth axes.
     gusts : Gusts, optional
@@ -48,7 +50,7 @@ class Simulator:
         self,
         model: Model,
         initial: Mapping[str, float],
-        controls: Trajectory,
+        controls: Trajectory | Steering,
         *,
         wind: Sequence[float] = (0.0, 0.0, 0.0),
         gusts: Gusts | None = None,
@@ -60,6 +62,7 @@ class Simulator:
         self.gusts = gusts
         self._steps: dict[int, cas.Function] = {}
         self._max_step = max_step
+        self.time = 0.0
         self.follow(controls)
         self.reset(initial)
 
@@ -82,21 +85,19 @@ class Simulator:
         rest = zip(self.stage.states, self.stage.rest, strict=True)
         self._x = np.array([float(initial.get(name, value)) for name, value in rest])
         self.time = time
+        self._steering.begin(time)
         self._gust = np.zeros(3)
         if self.gusts is not None:
             self._gusting = self.gusts.start()
             self._start, self._blown = time, 0
             self._blow()
 
-    def follow(self, controls: Trajectory) -> None:
-        """Follow the controls of a trajectory from now on."""
-        missing = [name for name in self.stage.controls if name not in controls.controls]
-        if missing:
-            raise InputError(
-                f'{self.model.vehicle} needs the controls {", ".join(missing)}; '
-                f'given: {", ".join(controls.controls) or "none"}'
-            )
-        self._controls = controls
+    def follow(self, controls: Trajectory | Steering) -> None:
+        """Follow the controls of a trajectory, or a controller's, from now on."""
+        if isinstance(controls, Trajectory):
+            controls = OpenLoop(self.stage, controls)
+        self._steering = controls
+        self._steering.begin(self.time)
 
     def advance_to(self, time: float) -> None:
         """Fly until `time` [s]; steps end where the controls jump or bend.
@@ -106,18 +107,18 @@ class Simulator:
         InputError
             If the state grows beyond all bounds.
         """
-        breaks = self._controls.time
+        breaks = self._steering.breaks(self.time, time)
         if self.gusts is not None:
             last = math.ceil((time - self._start) / GUST_STEP)
-            breaks = np.union1d(breaks, self._start + GUST_STEP * np.arange(self._blown, last))
-        inside = breaks[(breaks > self.time) & (breaks < time)]
-        for end in (*inside.tolist(), time):
+            blows = self._start + GUST_STEP * np.arange(self._blown, last)
+            breaks = np.union1d(breaks, blows[(blows > self.time) & (blows < time)])
+        for end in (*breaks.tolist(), time):
             if self.gusts is not None and self.time >= self._start + GUST_STEP * self._blown:
                 self._blow()
             span = end - self.time
             if span <= 0:
                 continue
-            u0, u1 = self._controls_over(self.time, end)
+            u0, u1 = self._steering.over(self.time, end, self._x)
             # A call costs more than the few steps in it: as many substeps as fit go into one.
             steps = max(1, math.ceil(span / self._max_step - 1e-9))
             calls = math.ceil(steps / MAX_SUBSTEPS)
@@ -151,23 +152,13 @@ class Simulator:
             self._steps[substeps] = rk4_step(self.stage, substeps)
         return self._steps[substeps]
 
-    def _controls_over(self, begin: float, end: float) -> tuple[Array, Array]:
-        """Return the controls at both ends of an interval without a break inside."""
-        times = [begin, end]
-        if self._controls.control_interpolation == 'previous':
-            times = [(begin + end) / 2] * 2
-        u = self._controls.control_at(times)
-        table = np.array([u[name] for name in self.stage.controls]).reshape(-1, 2)
-        return table[:, 0], table[:, 1]
-
     def sample(self) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
         """Return states, controls and outputs now."""
-        u = {name: float(v[0]) for name, v in self._controls.control_at([self.time]).items()}
-        u = {name: u[name] for name in self.stage.controls}
-        _, outputs = self.stage.function(self._x, list(u.values()), self.parameters)
+        u = self._steering.now(self.time, self._x)
+        _, outputs = self.stage.function(self._x, u, self.parameters)
         return (
             dict(zip(self.stage.states, self._x.tolist(), strict=True)),
-            u,
+            dict(zip(self.stage.controls, u.tolist(), strict=True)),
             dict(zip(self.stage.outputs, outputs.full().ravel().tolist(), strict=True)),
         )
 
