@@ -19,7 +19,7 @@ ANGLES = ('phi', 'theta', 'psi', 'gamma', 'track')
 QUATERNION = ('qw', 'qx', 'qy', 'qz')
 
 PERIODS = (0.005, 0.1)  # s, shortest and longest period that is chosen by itself
-STEPS = 1000  # in a plan, where the period is in between
+STEPS = 1000  # in a plan, where the period is in between; as often the model is linearised
 MAX_STEPS = 100_000
 
 
@@ -80,17 +80,20 @@ class Tracker:
         grid = self._start + period * np.arange(count + 1)
         self._end = float(plan.time[-1])
         # the last one is for what comes after the plan
-        times = np.append(np.minimum(grid[:-1] + period / 2, self._end), self._end)
+        middles = np.append(np.minimum(grid[:-1] + period / 2, self._end), self._end)
+        every = math.ceil(count / STEPS)
+        times = np.append(middles[:-1:every], self._end)
         x, u = self.reference.states(times), self.reference.controls(times)
-        p = np.vstack([np.repeat(self.reference.wind[:, None], count + 1, axis=1), times])
+        p = np.vstack([np.repeat(self.reference.wind[:, None], times.size, axis=1), times])
         held = trimmed(stage, x[:, -1], u[:, -1], p[:, -1])
         within = held is not None and np.all((held >= self._lower) & (held <= self._upper))
         self._held = held if within else None
         if self._held is not None:
             u[:, -1] = self._held
-        a, b = linearised(stage, x, u, p)
+        a, b = discretised(*linearised(stage, x, u, p), period)
+        used = np.append(np.arange(count) // every, times.size - 1)
         q, r = (weights or Weights()).matrices(stage, plan, limits)
-        self.gains, _ = gains(*discretised(a, b, period), q, r, period)
+        self.gains, _ = gains(a[used], b[used], q, r, period)
         self._angles = [i for i, name in enumerate(stage.states) if name in ANGLES]
         self._quaternion = [i for i, name in enumerate(stage.states) if name in QUATERNION]
         self.begin(self._start)
