@@ -15,6 +15,7 @@ from ..control.reference import planned_wind
 from ..control.tracker import Tracker
 from ..dynamics.stage import Model, Stage
 from ..errors import InputError
+from ..simulation.calls import ArrayCall
 from ..simulation.gusts import Gusts
 from ..simulation.integrator import Method
 from ..simulation.simulator import MAX_STEP, Simulator
@@ -220,13 +221,13 @@ def specific_force(stage: Stage, gravity: float) -> SpecificForce:
     north, east, down = cas.vertsplit(cas.jtimes(velocity, x, dx))
     r_eb = frames.rotation_from_euler(known['phi'], known['theta'], known['psi'])
     force = frames.rotate(frames.transpose(r_eb), (north, east, down - gravity))
-    function = cas.Function('specific_force', [x, u, p], [cas.vertcat(*force)])
+    function = ArrayCall(cas.Function('specific_force', [x, u, p], [cas.vertcat(*force)]))
 
     def evaluate(
         states: Mapping[str, float], controls: Mapping[str, float], parameters: Array
     ) -> tuple[float, float, float]:
-        result = function(list(states.values()), list(controls.values()), parameters)
-        x_b, y_b, z_b = result.full().ravel().tolist()
+        (force,) = function(list(states.values()), list(controls.values()), parameters)
+        x_b, y_b, z_b = force.tolist()
         return x_b, y_b, z_b
 
     return evaluate

@@ -11,6 +11,7 @@ from ..config import suggestion
 from ..dynamics.stage import Model, Stage
 from ..errors import InputError
 from ..trajectory import Columns, Trajectory
+from .calls import ArrayCall
 from .gusts import GUST_STEP, Gusts, gust_earth
 from .inputs import Inputs
 from .integrator import ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE, Method, rk4_step
@@ -66,7 +67,7 @@ class Simulator:
         self.stage = model.stage()
         self.wind = np.array(wind, dtype=float)
         self.gusts = gusts
-        self._steps: dict[int, cas.Function] = {}
+        self._steps: dict[int, ArrayCall] = {}
         self._max_step = max_step
         self._stiff: Callable[[Array, Array], Array | None] | None = None
         if method == 'cvodes':
@@ -78,7 +79,8 @@ class Simulator:
                 ABSOLUTE_TOLERANCE,
                 max_num_steps=MAX_STIFF_STEPS,
             )
-        self._motion = _motion(self.stage)
+        self._motion = ArrayCall(_motion(self.stage))
+        self._evaluate = ArrayCall(self.stage.function)
         self.time = 0.0
         self.follow(controls)
         self.reset(initial)
@@ -159,8 +161,7 @@ class Simulator:
         for i in range(calls):
             u_begin = u0 + (u1 - u0) * (i / calls)
             u_end = u0 + (u1 - u0) * ((i + 1) / calls)
-            x = step(self._x, u_begin, u_end, self.parameters, span / calls)
-            self._x = x.full().ravel()
+            (self._x,) = step(self._x, u_begin, u_end, self.parameters, span / calls)
             self.time += span / calls
 
     def _run_stiff(self, span: float, u0: Array, u1: Array) -> None:
@@ -175,29 +176,31 @@ class Simulator:
     @property
     def parameters(self) -> Array:
         """The stage's parameters now: wind and gust [m/s], and time [s]."""
-        return np.append(self.wind + self._gust, self.time)
+        p = np.empty(4)
+        p[:3], p[3] = self.wind + self._gust, self.time
+        return p
 
     def _blow(self) -> None:
         """Let the gust of the next GUST_STEP begin."""
         u = self._steering.now(self.time, self._x)
-        motion = self._motion(self._x, u, self.parameters).full().ravel()
+        (motion,) = self._motion(self._x, u, self.parameters)
         dt = GUST_STEP if self._blown else 0.0
         self._gust = gust_earth(self._gusting, dt, motion[:3], self.wind, -motion[3])
         self._blown += 1
 
-    def _step_of(self, substeps: int) -> cas.Function:
+    def _step_of(self, substeps: int) -> ArrayCall:
         if substeps not in self._steps:
-            self._steps[substeps] = rk4_step(self.stage, substeps)
+            self._steps[substeps] = ArrayCall(rk4_step(self.stage, substeps))
         return self._steps[substeps]
 
     def sample(self) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
         """Return states, controls and outputs now."""
         u = self._steering.now(self.time, self._x)
-        _, outputs = self.stage.function(self._x, u, self.parameters)
+        _, outputs = self._evaluate(self._x, u, self.parameters)
         return (
             dict(zip(self.stage.states, self._x.tolist(), strict=True)),
             dict(zip(self.stage.controls, u.tolist(), strict=True)),
-            dict(zip(self.stage.outputs, outputs.full().ravel().tolist(), strict=True)),
+            dict(zip(self.stage.outputs, outputs.tolist(), strict=True)),
         )
 
 
