@@ -188,7 +188,24 @@ def replay_log(
             raise InputError(f'{path}: there is no flight {flight}: {_listed(found)}')
         one = found[flight - 1]
         start, end = (start or 0.0) + one.start, (start or 0.0) + one.end
-    track = read_track(path, source=source, start=start, end=end)
+    return replay_track(
+        read_track(path, source=source, start=start, end=end),
+        position_std=position_std,
+        velocity_std=velocity_std,
+        jerk_density=jerk_density,
+        wind=wind,
+    )
+
+
+def replay_track(
+    track: Track,
+    *,
+    position_std: ArrayLike | None = None,
+    velocity_std: ArrayLike | None = None,
+    jerk_density: ArrayLike | None = None,
+    wind: WindChoice | None = None,
+) -> Replay:
+    """Return the motion of a track that was read already; as `replay_log`."""
     preferred: Method = 'circling' if track.airspeed is None else 'airspeed'
     method = preferred if wind == 'auto' else wind
     trajectory, rejected = reconstruct_checked(
