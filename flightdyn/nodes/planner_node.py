@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from nav_msgs.msg import Path
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.task import Future
@@ -28,7 +27,8 @@ from ..resources import config_dirs
 from ..trajectory import Trajectory
 from .base import LATCHED, BaseNode
 from .convert import path_msg, report_msg, trajectory_msg
-from .parameters import Parameters, parameter
+from .diagnostics import Level, Status
+from .parameters import NodeParameters, parameter
 from .plan_worker import Job, Outcome, PlanWorker, summary
 from .requests import configured_problems, evaluate_model, problem_of_goal
 
@@ -36,7 +36,7 @@ COUNTS = ('accepted', 'rejected', 'succeeded', 'failed', 'cancelled')
 
 
 @dataclass(frozen=True)
-class PlannerParameters:
+class PlannerParameters(NodeParameters):
     config_dir: str = parameter(
         '',
         'folder with problems/ and vehicles/ of your own, searched first; empty for none',
@@ -57,8 +57,7 @@ class PlannerNode(BaseNode):
     """Plans on a thread of its own, so that services and cancelling are answered meanwhile."""
 
     def __init__(self) -> None:
-        super().__init__('planner')
-        self.parameters = Parameters(self, PlannerParameters)
+        super().__init__('planner', PlannerParameters)
         config_dirs(self.parameters.values.config_dir)
         self._worker = PlanWorker()
         self._ending = False
@@ -66,13 +65,11 @@ class PlannerNode(BaseNode):
         self._checked: Problem | None = None
         self._counts = dict.fromkeys(COUNTS, 0)
         self._last: dict[str, str] = {}
-        self._level = DiagnosticStatus.OK
+        self._level = Level.OK
         self._trajectory = self.create_publisher(TrajectoryMsg, '~/trajectory', LATCHED)
         self._path = self.create_publisher(Path, '~/path', LATCHED)
-        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self.serve(ListProblems, 'list_problems', self._list_problems)
         self.serve(EvaluateModel, 'evaluate_model', self._evaluate_model)
-        self.every(1.0, self._diagnose)
         self._action = ActionServer(
             self,
             PlanTrajectory,
@@ -145,7 +142,7 @@ class PlannerNode(BaseNode):
     def _finish(self, handle: Any, outcome: Outcome, result: Any, now_ns: int) -> None:
         """Publish a plan that is one, end the goal, and write the one line on it."""
         line = f'{outcome.code.name}: {outcome.message}'
-        self._level = DiagnosticStatus.OK
+        self._level = Level.OK
         if outcome.code == ResultCode.SUCCESS:
             assert outcome.plan is not None
             self._trajectory.publish(result.trajectory)
@@ -162,11 +159,11 @@ class PlannerNode(BaseNode):
             self.get_logger().info(line)
         elif outcome.code == ResultCode.INTERNAL:
             handle.abort()
-            count, self._level = 'failed', DiagnosticStatus.ERROR
+            count, self._level = 'failed', Level.ERROR
             self.get_logger().error(line)
         else:
             handle.abort()
-            count, self._level = 'failed', DiagnosticStatus.WARN
+            count, self._level = 'failed', Level.WARN
             self.get_logger().warning(line)
         self._counts[count] += 1
         self._last |= summary(outcome)
@@ -183,18 +180,10 @@ class PlannerNode(BaseNode):
     def _evaluate_model(self, request: Any, response: Any) -> None:
         evaluate_model(request, self.parameters.values.config_dir, response)
 
-    def _diagnose(self) -> None:
+    def diagnose(self) -> list[Status]:
         busy = self._worker.busy
-        status = DiagnosticStatus(
-            level=self._level,
-            name=f'{self.get_name()}: planning',
-            message='solving' if busy else self._last.get('last code', 'waiting for goals'),
-        )
-        figures = {**{key: str(n) for key, n in self._counts.items()}, **self._last}
-        status.values = [KeyValue(key=key, value=value) for key, value in figures.items()]
-        array = DiagnosticArray(status=[status])
-        array.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(array)
+        message = 'solving' if busy else self._last.get('last code', 'waiting for goals')
+        return [Status('planning', message, self._level, {**self._counts, **self._last})]
 
     # The end. ------------------------------------------------------------------------------------
     def wind_down(self, seconds: float) -> None:
@@ -209,11 +198,8 @@ class PlannerNode(BaseNode):
                 while not (turn.done() and not self._jobs) and time.monotonic() < until:
                     time.sleep(0.002)
 
-    def close(self) -> None:
+    def clean_up(self) -> None:
         self._action.destroy()
-
-    def is_busy(self) -> bool:
-        return self._worker.busy
 
 
 def _deliver(done: Future, outcome: Outcome) -> None:

@@ -30,7 +30,7 @@ from .convert import (
     state_msg,
     time_msg,
 )
-from .parameters import Parameters, parameter
+from .parameters import NodeParameters, parameter
 
 TICK_S = 0.005
 CLOCK_S = 0.02
@@ -39,7 +39,7 @@ STANDARD_DATUM = 'ellipsoid'  # of NavSatFix
 
 
 @dataclass(frozen=True)
-class ReplayParameters:
+class ReplayParameters(NodeParameters):
     log: str = parameter('', 'flight log to play', read_only=True)
     log_root: str = parameter(
         '', 'the only folder from which logs are opened; empty for any', read_only=True
@@ -68,8 +68,7 @@ class ReplayNode(BaseNode):
     """Publishes the samples that a Player says are due."""
 
     def __init__(self) -> None:
-        super().__init__('replay')
-        self.parameters = Parameters(self, ReplayParameters, self._on_parameters)
+        super().__init__('replay', ReplayParameters)
         values = self.parameters.values
         replay = replay_log(
             _log_path(values.log, values.log_root),
@@ -169,7 +168,7 @@ class ReplayNode(BaseNode):
         wanted = min(int(request.num_messages), len(self._player))
         response.actually_burst = self._play(self._player.burst(wanted))
 
-    def _on_parameters(self, values: ReplayParameters) -> None:
+    def on_parameters(self, values: ReplayParameters) -> None:
         if values.rate != self._player.get_rate():
             self._player.set_rate(values.rate)
         self._player.loop = values.loop

@@ -34,7 +34,7 @@ from .convert import (
     trajectory_from_message,
     transform_msg,
 )
-from .parameters import Parameters, parameter
+from .parameters import NodeParameters, parameter
 from .sim_core import Sample, SimCore
 
 FIX_RATE = 10.0  # Hz
@@ -46,7 +46,7 @@ PLAN_TOPIC = '/plan'
 
 
 @dataclass(frozen=True)
-class SimParameters:
+class SimParameters(NodeParameters):
     vehicle: str = parameter(
         'quadcopter', 'what commands fly, and plans that name no vehicle', read_only=True
     )
@@ -108,8 +108,7 @@ class SimNode(BaseNode):
     """Publishes what a SimCore flies, and records exactly that."""
 
     def __init__(self) -> None:
-        super().__init__('sim')
-        self.parameters = Parameters(self, SimParameters, self._on_parameters)
+        super().__init__('sim', SimParameters)
         values = self.parameters.values
         load_vehicle(values.vehicle, values.config_dir)
         self._origin = GeodeticPoint(values.origin_lat, values.origin_lon, values.origin_altitude)
@@ -206,7 +205,7 @@ class SimNode(BaseNode):
         if not result.successful:
             raise InputError(result.reason)
 
-    def _on_parameters(self, values: SimParameters) -> None:
+    def on_parameters(self, values: SimParameters) -> None:
         self._core.after_plan = values.after_plan
         self._core.real_time_factor = values.real_time_factor
 
@@ -302,6 +301,6 @@ class SimNode(BaseNode):
         if self._recorder is not None:
             self._recorder.flush()
 
-    def close(self) -> None:
+    def clean_up(self) -> None:
         if self._recorder is not None:
             self._recorder.finish()

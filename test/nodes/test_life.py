@@ -1,6 +1,8 @@
 """How nodes begin and end: exit codes, clear sentences, no tracebacks, in time."""
 
+import contextlib
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -14,6 +16,7 @@ from ros_support import DISCUS, NODES, ROOT, command, need_ros
 
 need_ros()
 
+from lifecycle_msgs.srv import GetState  # noqa: E402
 from rcl_interfaces.srv import ListParameters  # noqa: E402
 
 from flightdyn.nodes.client import Inbox, PlannerClient, Session  # noqa: E402
@@ -41,6 +44,50 @@ def test_idle_node_ends_on_a_signal(ros: None, session: Session, name: str, numb
         listed = session.call(ListParameters, f'/{name}/list_parameters').result.names
         assert 'use_sim_time' in listed
         end(process, number)
+
+
+def shared_memory(pid: int | str) -> set[str]:
+    """Return the segments in shared memory that a process has mapped; ports are everybody's."""
+    with contextlib.suppress(OSError):  # it may end meanwhile, or be another user's
+        lines = Path(f'/proc/{pid}/maps').read_text().splitlines()
+        names = {line.split()[-1] for line in lines}
+        return {name for name in names if re.match('/dev/shm/fastdds_[0-9a-f]{16}', name)}
+    return set()
+
+
+@pytest.mark.parametrize('name', NODES)
+@pytest.mark.parametrize('number', [*SIGNALS, None])
+def test_nothing_is_left_in_shared_memory(
+    ros: None, session: Session, name: str, number: int | None
+) -> None:
+    """Nodes that end on a signal, or on a mistake in their parameters (None)."""
+    parameters: dict[str, Any] = {'log': str(DISCUS), 'end': 10.0} if name == 'replay' else {}
+    if number is None:
+        parameters['qos_overrides./diagnostics.publisher.reliability'] = 'perhaps'
+    mapped: set[str] = set()
+    with NodeProcess(
+        name,
+        env={'FASTDDS_BUILTIN_TRANSPORTS': None, 'FASTDDS_DEFAULT_PROFILES_FILE': None},
+        **parameters,
+    ) as process:
+        if number is None:
+            while process.process.poll() is None:
+                mapped |= shared_memory(process.process.pid)
+            assert process.process.wait() == 2
+        else:
+            session.call(GetState, f'/{name}/get_state')
+            mapped = shared_memory(process.process.pid)
+            end(process, number)
+    assert mapped
+    others = set().union(*(shared_memory(p.name) for p in Path('/proc').glob('[0-9]*')))
+    assert [file for file in mapped - others if Path(file).exists()] == []
+
+
+def test_node_waits_to_be_configured(ros: None, session: Session) -> None:
+    with NodeProcess('planner', autostart=False) as process:
+        state = session.call(GetState, '/planner/get_state').current_state.label
+        assert state == 'unconfigured'
+        end(process, signal.SIGINT)
 
 
 @pytest.mark.parametrize('number', SIGNALS)
