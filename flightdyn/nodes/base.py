@@ -13,6 +13,7 @@ from functools import partial
 from typing import Any, Literal
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, JumpThreshold
 from rclpy.clock_type import ClockType
 from rclpy.context import Context
@@ -75,6 +76,8 @@ class BaseNode(LifecycleNode):
         self, name: str, kind: type[NodeParameters], *, context: Context | None = None
     ) -> None:
         super().__init__(name, context=context)
+        # On one thread callbacks exclude each other anyhow; one that awaits lets the others run.
+        self._default_callback_group = ReentrantCallbackGroup()
         self.is_configured = self.is_active = False
         self.view: Any = None
         """The viewer, a `flightdyn.viewing.live.LiveView`, if there is one."""
