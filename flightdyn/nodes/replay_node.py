@@ -157,7 +157,6 @@ class ReplayNode(BaseNode):
         try:
             kind = importlib.import_module('tf2_msgs.msg').TFMessage
         except ImportError:
-            self.get_logger().info('tf2_msgs is not installed: no transforms')
             return None
         return (
             kind,
@@ -179,6 +178,8 @@ class ReplayNode(BaseNode):
         )
         self._put_in(reel, values.start_at)
         self._resumes = not values.paused
+        if self._transforms is None:
+            self.get_logger().info('tf2_msgs is not installed: no transforms')
 
     def activate(self) -> None:
         """Begin, or go on."""

@@ -11,7 +11,7 @@ from .report import Replay, replay_track
 AT_ONCE = 30_000
 """A log of no more samples is reconstructed as a whole: it takes a second at most."""
 
-FIRST = 15_000
+FIRST = 8_000
 """So many samples of a longer one are shown before the rest is known."""
 
 AHEAD = 500

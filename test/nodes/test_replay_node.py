@@ -1,6 +1,8 @@
 """The replay node as a process: plays a glider's flight and obeys like rosbag2's player."""
 
 import struct
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path as FilePath
 from typing import Any
@@ -335,3 +337,29 @@ def test_a_long_log_begins_at_once_and_ends_as_a_replay_of_the_whole(
         for name in ('x_e', 'y_e', 'z_e', 'speed', 'gamma', 'track'):
             assert [getattr(state, name) for state in got] == expected[name][rows].tolist(), name
         process.check()
+
+
+START = """
+import os, sys, time, rclpy
+from flightdyn.nodes.replay_node import ReplayNode
+rclpy.init(args=['--ros-args', '-p', 'log:=' + sys.argv[1]])
+node = ReplayNode()
+node.autostart()
+while not next(iter(node.diagnose())).values['published']:
+    rclpy.spin_once(node)
+print(node.parameters.values.log, time.process_time(), flush=True)
+os._exit(0)
+"""
+
+
+@pytest.mark.slow  # writes 360,000 messages: 15 s of CPU
+def test_ten_hours_begin_to_play_in_three_seconds(ros: None, tmp_path: FilePath) -> None:
+    """Time is that of the processor: what else the machine does is not the node's affair."""
+    log = tmp_path / 'ten_hours.mcap'
+    write_fixes(log, 360_000, 10.0)
+    command = [sys.executable, '-c', START, str(log)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    played, seconds = done.stdout.split()[-2:]
+    assert played == str(log)
+    assert float(seconds) < 3.0
