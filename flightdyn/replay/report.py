@@ -13,6 +13,7 @@ from ..trajectory import Trajectory
 from .flights import Flight, find_flights
 from .outliers import Rejected
 from .reconstruct import reconstruct_checked
+from .samples import LEAST_ATTITUDE, known_attitude
 from .wind import Method
 
 KNOWN_SPEED = 0.2
@@ -126,6 +127,13 @@ class Replay:
                 found.append('no altitude in the log: taken as 0')
             elif blank:
                 found.append(f'{blank} samples had no altitude: interpolated')
+        if track.attitude is not None:
+            known = np.isfinite(known_attitude(track.attitude)).all(axis=1)
+            blank = int((~known).sum())
+            if known.mean() < LEAST_ATTITUDE:
+                found.append(f'{blank} of {len(track)} samples had no attitude: none is used')
+            elif blank:
+                found.append(f'{blank} samples had no attitude: taken from those near by')
         return found
 
 
