@@ -13,6 +13,7 @@ from functools import partial
 from typing import Any, Literal
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, JumpThreshold
 from rclpy.clock_type import ClockType
 from rclpy.context import Context
@@ -75,10 +76,13 @@ class BaseNode(LifecycleNode):
         self, name: str, kind: type[NodeParameters], *, context: Context | None = None
     ) -> None:
         super().__init__(name, context=context)
+        # On one thread callbacks exclude each other anyhow; one that awaits lets the others run.
+        self._default_callback_group = ReentrantCallbackGroup()
         self.is_configured = self.is_active = False
         self.view: Any = None
         """The viewer, a `flightdyn.viewing.live.LiveView`, if there is one."""
         self._failure: Exception | None = None
+        self._starting = False
         self._ignored = 0
         self._timers_when: list[tuple[Any, When]] = []
         self.parameters = Parameters(
@@ -142,10 +146,12 @@ class BaseNode(LifecycleNode):
         if not self.parameters.values.autostart:
             self.get_logger().info('waiting to be configured and activated')
             return
+        self._starting = True
         for trigger in (self.trigger_configure, self.trigger_activate):
             if trigger() != SUCCESS:
                 assert self._failure is not None
                 raise self._failure
+        self._starting = False
 
     def finalize(self) -> None:
         """Go through the shutdown transition, if the node has not been shut down yet."""
@@ -213,7 +219,8 @@ class BaseNode(LifecycleNode):
             said = str(error) if known else f'{type(error).__name__}: {error}'
             if first:
                 self._failure = error if known else FlightdynError(said)
-            self.get_logger().error(f'cannot be {what}: {said}')
+            if not self._starting:  # else it is raised, and told once
+                self.get_logger().error(f'cannot be {what}: {said}')
             return FAILURE if known else ERROR
         return SUCCESS
 

@@ -442,7 +442,8 @@ class PlannerNode(BaseNode):
     def diagnose(self) -> list[Status]:
         queue = self._queue
         running, waiting = (queue.running, queue.waiting) if queue else (0, 0)
-        restarts = sum(worker.restarts for worker in self._workers)
+        others = [w for w in (self._checker, self._replan_worker) if w is not None]
+        lost = sum(worker.restarts for worker in (*self._workers, *others))
         ended = self._counts['succeeded'] + self._counts['failed']
         times = np.array(self._solve_times) if self._solve_times else np.array([np.nan])
         values = {
@@ -452,7 +453,7 @@ class PlannerNode(BaseNode):
             'longest solve time [s]': float(np.max(times)),
             'running': running,
             'waiting': waiting,
-            'lost processes': restarts,
+            'lost processes': lost,
             **self._last,
         }
         message = self._last.get('last code', 'waiting for goals')

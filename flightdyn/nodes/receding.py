@@ -1,5 +1,6 @@
 """Planning again and again from where the vehicle will be; no ROS."""
 
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -16,9 +17,11 @@ from ..planning.problem_file import load_problem
 from ..planning.report import Plan
 from ..resources import find_config
 from ..simulation.integrator import rk4_step
+from ..trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
+MAX_BEGUN = 4  # plans; the newest may begin only after the one before has been flown for a while
 MAX_STEP = 0.05  # s, of the prediction; well below the time scales of what flies
 
 
@@ -75,7 +78,7 @@ class Horizon:
                 'the midst of them'
             )
         self._plan: Plan | None = None
-        self._begins = 0.0
+        self._begun: deque[tuple[float, Trajectory]] = deque(maxlen=MAX_BEGUN)
         self._step: cas.Function = rk4_step(self._problem.stage)
 
     def differs(self, request: ReplanRequest) -> bool:
@@ -86,11 +89,13 @@ class Horizon:
         """Return the plan; only a verified one is what the next starts from."""
         if request.fresh:
             self._plan = None
+            self._begun.clear()
         start = self.predicted(request)
         problem = replace(self.from_state(start), max_wall_time=request.max_wall_time)
         plan = self._planner.plan(problem, near=self._plan, should_stop=should_stop)
         if plan.report.verified:
-            self._plan, self._begins = plan, request.time + request.lead
+            self._plan = plan
+            self._begun.append((request.time + request.lead, plan.trajectory))
         return plan
 
     def predicted(self, request: ReplanRequest) -> dict[str, float]:
@@ -120,10 +125,17 @@ class Horizon:
         return dict(zip(stage.states, map(float, x), strict=True))
 
     def _controls(self, request: ReplanRequest, after: float) -> Array:
-        """Return the controls a while after the state, of the plan before or as they are."""
+        """Return the controls a while after the state: of the plan that is in force then.
+
+        Before there are plans the controls stay as they are.
+        """
         names = self._problem.stage.controls
-        if self._plan is not None:
-            flown = self._plan.trajectory.control_at(request.time + after - self._begins)
+        now = request.time + after
+        if self._begun:
+            begins, plan = next(
+                (each for each in reversed(self._begun) if each[0] <= now), self._begun[0]
+            )
+            flown = plan.control_at(now - begins)
             return np.array([float(flown[name]) for name in names])
         limits = (self._problem.limits(name) for name in names)
         return np.array(

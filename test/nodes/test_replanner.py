@@ -205,6 +205,19 @@ def test_next_plan_begins_on_the_one_before_and_is_quick(horizon: Horizon) -> No
     assert second.report.iterations < first.report.iterations / 2
 
 
+def test_prediction_flies_the_plan_that_is_in_force(horizon: Horizon) -> None:
+    """A plan that begins later used to be taken from its begin, whatever flew until then."""
+    first = replan(horizon, fresh=True)  # begins at 1000.5
+    state = {name: float(first.trajectory.sample(name, 1.0)) for name in STATE}
+    replan(horizon, state=state, time=1001.5, lead=2.0)  # begins at 1003.5
+    ahead = horizon.predicted(request(state=state, time=1001.5, lead=1.0))
+    for name in STATE:
+        # samples are 1.6 s apart and the zoom bends between; the wrong plan is 6 % off
+        span = float(np.ptp(first.trajectory[name]))
+        expected = float(first.trajectory.sample(name, 2.0))
+        assert ahead[name] == pytest.approx(expected, abs=0.02 * span), name
+
+
 def test_state_beyond_the_bounds_is_moved_into_them(horizon: Horizon) -> None:
     problem = horizon.from_state({**STATE, 'z_e': 5.0})  # below the ground
     assert problem.initial['z_e'] == (0.0, 0.0)
