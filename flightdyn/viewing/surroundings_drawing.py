@@ -53,12 +53,15 @@ def draw_ground(ax: Axes, surroundings: Surroundings, scale: float) -> None:
             ax.add_patch(Polygon(corners * scale, **look))
             north, east = np.mean(each.corners, axis=0)
         _name(ax, each.name, east * scale, north * scale, _KEEP_OUT, middle=True)
+    named: dict[tuple[float, float], list[str]] = {}
     for gate in surroundings.gates:
         north, east, _ = gate.centre
         aside = gate.width / 2 * np.array([np.cos(gate.heading), -np.sin(gate.heading)])
         ends = (np.array([[east], [north]]) + np.outer(aside, [-1, 1])) * scale
         ax.plot(*ends, color=_GATE, lw=3, solid_capstyle='butt', zorder=2)
-        _name(ax, gate.name, east * scale, north * scale, _GATE)
+        named.setdefault((east, north), []).append(gate.name)
+    for (east, north), names in named.items():  # gates can stand one above the other
+        _name(ax, ', '.join(names), east * scale, north * scale, _GATE)
     for mark in surroundings.marks:
         north, east, _ = mark.place
         ax.plot(east * scale, north * scale, '^', color='black', ms=5, zorder=2)

@@ -49,7 +49,10 @@ SURROUNDINGS = Surroundings(
         Cylinder(name='tower', centre=(100.0, 700.0), radius=50.0),
         Polygon(name='village', corners=[(200, 300), (300, 300), (300, 400)]),
     ],
-    gates=[Gate(name='gate', centre=(500.0, 500.0, 110.0), heading=0.0, width=60, height=40)],
+    gates=[
+        Gate(name='gate', centre=(500.0, 500.0, 110.0), heading=0.0, width=60, height=40),
+        Gate(name='above', centre=(500.0, 500.0, 160.0), heading=0.0, width=60, height=40),
+    ],
     marks=[Mark(name='field', place=(0.0, 0.0, 0.0), radius=80.0)],
 )
 
@@ -59,7 +62,7 @@ def test_a_flight_is_seen_from_above_over_what_stands_there() -> None:
     ground = figure.axes[0]
     assert (ground.get_xlabel(), ground.get_ylabel()) == ('y_e, east [m]', 'x_e, north [m]')
     names = {text.get_text() for text in ground.texts}
-    assert {'tower', 'village', 'gate', 'field'} <= names
+    assert {'tower', 'village', 'gate, above', 'field'} <= names
     circles = {tuple(p.center): p.radius for p in ground.patches if hasattr(p, 'radius')}
     assert circles == {(700.0, 100.0): 50.0, (0.0, 0.0): 80.0}  # east, north
     corners = next(p for p in ground.patches if hasattr(p, 'get_xy'))
