@@ -16,6 +16,7 @@ from .errors import EXIT_CODES, FlightdynError, ResultCode
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from .planning.alternatives import Alternative
     from .vehicles.vehicle import Vehicle
 
 
@@ -208,6 +209,7 @@ def _plan(arguments: argparse.Namespace) -> int:
                     for i, each in enumerate([plan, *plan.others], start=1)
                     if plan.others
                 ),
+                *((f'alternative {each.name}', _alternative(each)) for each in plan.alternatives),
                 *((f'arc {i}', _arc(arc)) for i, arc in enumerate(report.arcs, start=1)),
                 *(('remedy', remedy) for remedy in report.remedies),
                 *(('written', str(path)) for path in outputs),
@@ -218,6 +220,10 @@ def _plan(arguments: argparse.Namespace) -> int:
     if report.code != ResultCode.SUCCESS:
         print(f'flightdyn: {report.message}', file=sys.stderr)
     return EXIT_CODES[report.code]
+
+
+def _alternative(each: 'Alternative') -> str:
+    return f'{each.objective:.8g}' if each.verified else f'not solved: {each.message}'
 
 
 def _arc(arc: dict[str, Any]) -> str:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..environment.surroundings import NOTHING, Surroundings
 from ..errors import ResultCode
 from ..trajectory import Trajectory
+from .alternatives import Alternative
 from .problem import Problem
 from .programme import Attempt
 from .samples import Path
@@ -67,6 +68,8 @@ class Plan:
         The problem's.
     others : list of Plan
         Other local optima that were found, if they were asked for, best first.
+    alternatives : list of Alternative
+        What came of each of the problem's alternatives, this plan's first; empty if it has none.
     """
 
     trajectory: Trajectory
@@ -74,6 +77,7 @@ class Plan:
     wind_ned: tuple[float, ...] = (0.0, 0.0, 0.0)
     surroundings: Surroundings = NOTHING
     others: list['Plan'] = field(default_factory=list)
+    alternatives: list[Alternative] = field(default_factory=list)
     attempt: Attempt | None = field(default=None, repr=False, compare=False)
 
 
