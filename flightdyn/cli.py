@@ -17,6 +17,7 @@ from .errors import EXIT_CODES, FlightdynError, InputError, ResultCode
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from .planning.alternatives import Alternative
     from .planning.problem import Problem
     from .simulation.simulator import Simulator
     from .trajectory import Trajectory
@@ -199,6 +200,7 @@ def _plan(arguments: argparse.Namespace) -> int:
                     for i, each in enumerate([plan, *plan.others], start=1)
                     if plan.others
                 ),
+                *((f'alternative {each.name}', _alternative(each)) for each in plan.alternatives),
                 *((f'arc {i}', _arc(arc)) for i, arc in enumerate(report.arcs, start=1)),
                 *(('remedy', remedy) for remedy in report.remedies),
                 *(('written', str(path)) for path in outputs),
@@ -219,6 +221,10 @@ def _limits(problem: 'Problem') -> dict[str, tuple[float, float]]:
         for name, bounds in every[0].items()
         if all(others.get(name) == bounds for others in every)
     }
+
+
+def _alternative(each: 'Alternative') -> str:
+    return f'{each.objective:.8g}' if each.verified else f'not solved: {each.message}'
 
 
 def _arc(arc: dict[str, Any]) -> str:

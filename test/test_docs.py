@@ -12,7 +12,7 @@ from flightdyn.environment.surroundings_file import read_surroundings
 from flightdyn.planning import problem_file
 from flightdyn.planning.objective import parse_objective
 from flightdyn.planning.planner import Planner
-from flightdyn.vehicles import aero_direct, aero_polar, aero_table, buoyancy, vehicle
+from flightdyn.vehicles import aero_direct, aero_polar, aero_table, body_drag, buoyancy, vehicle
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / 'docs' / 'planning.md').read_text(encoding='utf-8')
@@ -67,7 +67,7 @@ def test_the_surroundings_are_read(tmp_path: Path) -> None:
         *(problem_file.KEYS, vehicle.KEYS, aero_polar.KEYS, aero_table.KEYS, aero_direct.KEYS),
         *(surroundings_file.TERRAIN_KEYS, surroundings_file.KEEP_OUT_KEYS),
         *(surroundings_file.GATE_KEYS, surroundings_file.MARK_KEYS),
-        *(buoyancy.KEYS, *(known for known, _ in vehicle.PROPULSION.values())),
+        *(buoyancy.KEYS, body_drag.KEYS, *(known for known, _ in vehicle.PROPULSION.values())),
         *wind_file.KEYS.values(),
     ],
 )
