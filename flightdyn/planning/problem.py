@@ -37,6 +37,7 @@ MAX_NODES = 5000
 UNBOUNDED = (-math.inf, math.inf)
 MAX_PHASES = 50
 MAX_STARTS = 1000
+MAX_SUBSTEPS = 16
 CHOICES: Mapping[str, tuple[str, ...]] = {
     'control_interpolation': CONTROL_INTERPOLATIONS,
     'transcription': ('auto', *METHODS),
@@ -86,6 +87,8 @@ class Problem:
         By itself multiple shooting for held controls, Radau collocation for linear ones.
     spacing : 'uniform', 'cosine', or pairs, see `mesh.spaced`
         Of the first mesh.
+    substeps : int
+        Steps of RK4 in each interval of the first mesh, if it is of multiple shooting.
     multistart : int
         How many guesses plans start from, see `Planner.plan`.
     refine : bool
@@ -127,6 +130,7 @@ class Problem:
     control_interpolation: ControlInterpolation = 'previous'
     transcription: Method | Literal['auto'] = 'auto'
     spacing: Spacing = 'uniform'
+    substeps: int = 1
     multistart: int = 1
     refine: bool = True
     sharpen: bool = True
@@ -165,6 +169,10 @@ class Problem:
                 raise InputError(f'{self.name}: {key}: must be true or false')
         if not 1 <= self.nodes <= MAX_NODES:
             raise InputError(f'{self.name}: nodes must be 1 to {MAX_NODES}, got {self.nodes}')
+        if not 1 <= self.substeps <= MAX_SUBSTEPS:
+            raise InputError(
+                f'{self.name}: substeps must be 1 to {MAX_SUBSTEPS}, got {self.substeps}'
+            )
         if not 1 <= self.multistart <= MAX_STARTS:
             raise InputError(
                 f'{self.name}: multistart must be 1 to {MAX_STARTS}, got {self.multistart}'

@@ -1,5 +1,6 @@
 """Problems from YAML files and settings of the command line."""
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,13 +15,13 @@ from ..resources import find_config
 from ..vehicles.fields import IN_DEGREES, in_degrees, named_bounds
 from ..vehicles.vehicle import Vehicle, load_vehicle
 from .objective import parse_objective
-from .problem import CHOICES, MAX_NODES, MAX_STARTS, Phase, Problem
+from .problem import CHOICES, MAX_NODES, MAX_STARTS, MAX_SUBSTEPS, Phase, Problem
 
 CONDITIONS = ('duration', 'initial', 'final', 'path', 'guess', 'nodes')
 KEYS = (
     *('description', 'vehicle', 'model', 'objective', 'phases', *CONDITIONS),
     *('change', 'wind_ned', 'wind', 'wind_strength', 'control_interpolation', 'transcription'),
-    *('spacing', 'refine', 'sharpen', 'multistart', 'tolerance', 'max_wall_time'),
+    *('spacing', 'substeps', 'refine', 'sharpen', 'multistart', 'tolerance', 'max_wall_time'),
     *(*SURROUNDINGS, 'origin'),
 )
 
@@ -33,7 +34,8 @@ def load_problem(
     Parameters
     ----------
     settings : sequence of 'KEY=VALUE'
-        Override entries of the file; KEY may go down with dots (`final.x_e=2`), VALUE is YAML.
+        Override entries of the file; KEY may go down with dots (`final.x_e=2`) and to one of
+        several values (`wind_ned[0]=-5`), VALUE is YAML.
 
     Raises
     ------
@@ -54,15 +56,26 @@ def load_problem(
 
 def _apply(document: dict[str, Any], setting: str) -> None:
     key, equals, value = setting.partition('=')
-    if not equals or not key:
+    if not equals or not re.fullmatch(r'[^.\[\]]+(\.[^.\[\]]+|\[\d+\])*', key):
         raise InputError(f"--set {setting}: expected KEY=VALUE, such as 'final.x_e=2'")
-    *parents, last = key.split('.')
+    *parents, last = re.findall(r'[^.\[\]]+', key)
     node: Any = document
-    for parent in parents:
-        node = node.setdefault(parent, {})
-        if not isinstance(node, dict):
-            raise InputError(f'--set {setting}: {parent} is not a mapping')
-    node[last] = parse_yaml(value, f'--set {setting}')
+    for parent, below in zip(parents, [*parents, last][1:], strict=True):
+        empty: Any = [0, 0, 0] if parent == 'wind_ned' else {}
+        if isinstance(node, list):
+            node = node[_index(node, parent, setting)]
+        else:
+            node = node.setdefault(parent, empty)
+        if not isinstance(node, dict | list):
+            raise InputError(f'--set {setting}: {parent} is a value, and has no {below}')
+    place = _index(node, last, setting) if isinstance(node, list) else last
+    node[place] = parse_yaml(value, f'--set {setting}')
+
+
+def _index(items: list[Any], text: str, setting: str) -> int:
+    if not text.isdecimal() or int(text) >= len(items):
+        raise InputError(f'--set {setting}: expected [0] to [{len(items) - 1}], got [{text}]')
+    return int(text)
 
 
 def _problem(path: Path, document: dict[str, Any], config_dir: str | Path | None) -> Problem:
@@ -82,10 +95,9 @@ def _problem(path: Path, document: dict[str, Any], config_dir: str | Path | None
     chosen = {
         key: document[key] for key in (*CHOICES, 'spacing', 'refine', 'sharpen') if key in document
     }
-    if 'multistart' in document:
-        chosen['multistart'] = whole_number(
-            document['multistart'], f'{path}: multistart', lower=1, upper=MAX_STARTS
-        )
+    for key, most in (('substeps', MAX_SUBSTEPS), ('multistart', MAX_STARTS)):
+        if key in document:
+            chosen[key] = whole_number(document[key], f'{path}: {key}', lower=1, upper=most)
     for key in ('tolerance', 'max_wall_time'):
         chosen[key] = number(document.get(key, defaults[key].default), f'{path}: {key}')
     if 'wind' in document:

@@ -70,6 +70,8 @@ class Plan:
         As the problem has them.
     others : list of Plan
         Other local optima that were found, if they were asked for, best first.
+    near : bool
+        Whether its solve started from another plan.
     """
 
     trajectory: Trajectory
@@ -78,6 +80,7 @@ class Plan:
     wind: Wind | None = None
     surroundings: Surroundings = NOTHING
     others: list['Plan'] = field(default_factory=list)
+    near: bool = False
     attempt: Attempt | None = field(default=None, repr=False, compare=False)
 
 
