@@ -24,6 +24,7 @@ LAYERS = [
     *('errors', 'units', 'numpy', 'files', 'config', 'frames', 'environment', 'resources'),
     *('trajectory', 'tables', 'dynamics', 'vehicles', 'logs', 'replay', 'simulation'),
     *(
+        'control',
         'planning',
         'viewing',
         'export',

@@ -177,12 +177,15 @@ def _local_optima(run: Run, starts: int, seed: int) -> list[Checked]:
         if each.verification is not None:
             found.append(each)
     sign = problem.objective.sign
-    found.sort(key=lambda each: sign * each.attempt.objective)
+    best = [run.best(each) for each in _distinct(found, sign)[:MAX_OPTIMA]]
+    return _distinct([each for each in best if each.within(problem.tolerance)], sign)
+
+
+def _distinct(found: list[Checked], sign: float) -> list[Checked]:
+    """Return those with objectives of their own, the best first."""
     distinct: list[Checked] = []
-    for each in found:
+    for each in sorted(found, key=lambda each: sign * each.attempt.objective):
         value = each.attempt.objective
         if all(abs(value - o.attempt.objective) > SAME * max(abs(value), 1e-9) for o in distinct):
             distinct.append(each)
-    best = [run.best(each) for each in distinct[:MAX_OPTIMA]]
-    best = [each for each in best if each.within(problem.tolerance)]
-    return sorted(best, key=lambda each: sign * each.attempt.objective)
+    return distinct

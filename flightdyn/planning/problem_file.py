@@ -1,11 +1,10 @@
 """Problems from YAML files and settings of the command line."""
 
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..config import bounds, check_keys, load_yaml, number, parse_yaml, text, whole_number
+from ..config import apply_setting, bounds, check_keys, load_yaml, number, text, whole_number
 from ..environment.geodesy import GeodeticPoint
 from ..environment.surroundings_file import KEYS as SURROUNDINGS
 from ..environment.surroundings_file import read_surroundings
@@ -50,32 +49,8 @@ def load_problem(
     )
     document = load_yaml(path)
     for setting in settings:
-        _apply(document, setting)
+        apply_setting(document, setting, {'wind_ned': [0, 0, 0]})
     return _problem(path, check_keys(document, KEYS, str(path)), config_dir)
-
-
-def _apply(document: dict[str, Any], setting: str) -> None:
-    key, equals, value = setting.partition('=')
-    if not equals or not re.fullmatch(r'[^.\[\]]+(\.[^.\[\]]+|\[\d+\])*', key):
-        raise InputError(f"--set {setting}: expected KEY=VALUE, such as 'final.x_e=2'")
-    *parents, last = re.findall(r'[^.\[\]]+', key)
-    node: Any = document
-    for parent, below in zip(parents, [*parents, last][1:], strict=True):
-        empty: Any = [0, 0, 0] if parent == 'wind_ned' else {}
-        if isinstance(node, list):
-            node = node[_index(node, parent, setting)]
-        else:
-            node = node.setdefault(parent, empty)
-        if not isinstance(node, dict | list):
-            raise InputError(f'--set {setting}: {parent} is a value, and has no {below}')
-    place = _index(node, last, setting) if isinstance(node, list) else last
-    node[place] = parse_yaml(value, f'--set {setting}')
-
-
-def _index(items: list[Any], text: str, setting: str) -> int:
-    if not text.isdecimal() or int(text) >= len(items):
-        raise InputError(f'--set {setting}: expected [0] to [{len(items) - 1}], got [{text}]')
-    return int(text)
 
 
 def _problem(path: Path, document: dict[str, Any], config_dir: str | Path | None) -> Problem:

@@ -148,7 +148,7 @@ class Programme:
             strategy=strategy,
             multipliers=multipliers and multipliers.scaled(scale / price, scale[subject] / price),
             most_iterations=most_iterations,
-            on_iteration=_in_units(on_iteration, sign * price),
+            on_iteration=_in_units(on_iteration, sign * price, scale),
             should_stop=should_stop,
         )
         return Attempt(
@@ -194,13 +194,20 @@ class Programme:
         return max(found) or 1.0
 
 
-def _in_units(on_iteration: OnIteration | None, price: float) -> OnIteration | None:
-    """Return a function that hands the objective on in the user's units."""
+def _in_units(on_iteration: OnIteration | None, price: float, scale: Array) -> OnIteration | None:
+    """Return a function that hands the objective and the variables on in the user's units."""
     if on_iteration is None:
         return None
 
     def hand_on(iteration: Iteration) -> None:
-        on_iteration(replace(iteration, objective=iteration.objective * price))
+        assert iteration.variables is not None
+        on_iteration(
+            replace(
+                iteration,
+                objective=iteration.objective * price,
+                variables=iteration.variables * scale,
+            )
+        )
 
     return hand_on
 

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from .programme import Attempt, Programmes
 from .refinement import finer, first_mesh, resampled, strategy_of
 from .report import Plan, PlanReport, message_of, trajectory_of
 from .samples import JUMP, Path, between, path
-from .solver import Multipliers, OnIteration
+from .solver import Iteration, Multipliers, OnIteration
 from .transcription import Transcription
 from .verify import Verification, compare, overshoots, refly
 
@@ -29,6 +30,7 @@ MAX_REFINEMENTS = 8
 MAX_SHARPENINGS = 4
 INTERVALS_IN_ARC = 5
 COARSE = 0.05  # of an objective: how far off it a plan may be that is off when flown again
+MAX_WARM = 60  # iterations from an earlier plan; one that needs more is not near
 
 
 @dataclass(frozen=True)
@@ -111,7 +113,7 @@ class Run:
                 strategy=strategy or strategy_of(problem, mesh),
                 multipliers=multipliers,
                 most_iterations=most_iterations,
-                on_iteration=self.on_iteration,
+                on_iteration=self._watched(problem, programme.layout),
                 should_stop=self.should_stop,
             )
             self.iterations += attempt.solution.iterations
@@ -138,6 +140,24 @@ class Run:
             found = self.solve(self.problem, mesh, found.attempt.values, strategy='near')
         return self.refined(found)
 
+    def _watched(self, problem: Problem, layout: Layout) -> OnIteration | None:
+        """Return a function that hands iterations on with a way to make flights of them."""
+        on_iteration = self.on_iteration
+        if on_iteration is None:
+            return None
+
+        def flight_of(variables: Array) -> Trajectory:
+            limits = np.array([problem.limits(name) for name in problem.stage.controls])
+            way = path(layout, variables, problem.wind_ned, limits.reshape(-1, 2))
+            return trajectory_of(problem, way, between(problem.stage, way)[0])
+
+        def hand_on(iteration: Iteration) -> None:
+            assert iteration.variables is not None
+            made = partial(flight_of, iteration.variables)
+            on_iteration(replace(iteration, trajectory=made))
+
+        return hand_on
+
     def near(self, plan: Plan) -> Checked | None:
         """Return a verified solve that started from a plan's solution, if there is one."""
         if plan.attempt is None or not plan.report.verified:
@@ -151,7 +171,12 @@ class Run:
         if conditions.structure(problem, mesh) != solved.structure:
             return None
         found = self.solve(
-            problem, mesh, solved.values, strategy='warm', multipliers=solved.multipliers
+            problem,
+            mesh,
+            solved.values,
+            strategy='warm',
+            multipliers=solved.multipliers,
+            most_iterations=MAX_WARM,
         )
         return found if found.within(problem.tolerance) else None
 

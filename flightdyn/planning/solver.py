@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import casadi as cas
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ResultCode
+from ..trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -74,13 +75,23 @@ RESULT_CODES = {
 
 @dataclass(frozen=True)
 class Iteration:
-    """Progress of a solve after one iteration; `elapsed` in seconds."""
+    """Progress of a solve after one iteration; `elapsed` in seconds.
+
+    Parameters
+    ----------
+    variables : (size,)
+        The iterate; scaled, until the programme hands it on in SI units.
+    trajectory : function returning a Trajectory
+        Makes a flight of the iterate; costs nothing unless called.
+    """
 
     number: int
     objective: float
     primal_infeasibility: float
     dual_infeasibility: float
     elapsed: float
+    variables: Array | None = field(default=None, repr=False, compare=False)
+    trajectory: Callable[[], Trajectory] | None = field(default=None, repr=False, compare=False)
 
 
 @dataclass(frozen=True)
@@ -238,6 +249,7 @@ class _Watch:
                         primal_infeasibility=_violation(variables, gaps, self.lower, self.upper),
                         dual_infeasibility=float(dual[-1]) if dual else float('nan'),
                         elapsed=elapsed,
+                        variables=variables.copy(),
                     )
                 )
             self.count += 1

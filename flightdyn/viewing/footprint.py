@@ -16,8 +16,8 @@ try:
     import rerun as rr
     import rerun.blueprint as rrb
 
+    from .archetypes import APPLICATION, PALETTE
     from .blueprint import SKY
-    from .rerun_view import APPLICATION, PALETTE
 except ImportError as error:
     raise MissingExtraError('a Rerun recording', 'view') from error
 

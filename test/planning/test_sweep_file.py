@@ -146,7 +146,7 @@ def test_a_problem_beside_the_sweep(tmp_path: Path) -> None:
 
 
 def test_no_such_sweep_names_those_there_are() -> None:
-    with pytest.raises(InputError, match="no sweep 'x'; known: .*cessna152_reach"):
+    with pytest.raises(InputError, match=r"no sweep 'x'; known: .*cessna152_reach"):
         load_sweep('x')
 
 
