@@ -18,8 +18,8 @@ from .quantities import unit_of
 from .scenery import speed_range
 from .study_figures import polar_figure as polar_figure
 from .study_figures import profile_figure as profile_figure
-from .study_figures import sweep_figure as sweep_figure
 from .study_figures import tracks_figure as tracks_figure
+from .sweep_figures import sweep_figure as sweep_figure
 
 try:
     from matplotlib.axes import Axes

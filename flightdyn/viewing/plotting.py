@@ -20,6 +20,8 @@ except ImportError as error:
 
 # Okabe and Ito's colours: told apart by the colour-blind, and in grey by their order.
 COLORS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9', '#000000')
+LINES = ('-', '--', ':', '-.')
+"""Told apart in grey, too, as colours are not."""
 LONG = 1200.0  # s: flights beyond are shown in minutes
 _STYLE = {
     'font.size': 9.0,
@@ -49,6 +51,11 @@ def style() -> Iterator[None]:
     """Draw figures in the project's style inside the block."""
     with mpl.rc_context(_STYLE):
         yield
+
+
+def look_of(i: int) -> dict[str, Any]:
+    """Return colour and kind of the i-th line of several, counted from 0."""
+    return {'color': COLORS[i % len(COLORS)], 'ls': LINES[i % len(LINES)]}
 
 
 def title_of(trajectory: Trajectory) -> str:

@@ -1,7 +1,6 @@
-"""Figures of studies: polars, glides seen from the side, several flights, and sweeps."""
+"""Figures of studies: polars, glides seen from the side, several flights."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, MissingExtraError
 from ..trajectory import Trajectory
 from .kinematics import motion_of
-from .plotting import COLORS, draw_columns, new_figure, style, time_unit, title_of
+from .plotting import draw_columns, look_of, new_figure, style, time_unit, title_of
 
 try:
     from matplotlib.collections import LineCollection
@@ -19,8 +18,6 @@ except ImportError as error:
 
 Array = NDArray[np.float64]
 
-LINES = ('-', '--', ':', '-.')
-"""Told apart in grey, too, as colours are not."""
 FAR = 5e3  # m: distances beyond are in km
 
 
@@ -45,7 +42,7 @@ def polar_figure(polars: Mapping[str, Mapping[str, ArrayLike]], *, title: str = 
             if missing:
                 raise InputError(f'no polar of {label}: it lacks {", ".join(missing)}')
             alpha, cl, cd = (np.asarray(columns[name], float) for name in ('alpha', 'CL', 'CD'))
-            look = _look(i)
+            look = look_of(i)
             lift.plot(alpha, cl, label=label, **look)
             drag.plot(alpha, cd, **look)
             glide.plot(alpha, cl / cd, **look)
@@ -126,7 +123,7 @@ def tracks_figure(flights: Mapping[str, Trajectory]) -> Figure:
         track, high = figure.subplots(1, 2)
         for i, (label, motion) in enumerate(motions.items()):
             for j, part in enumerate(motion.segments):
-                look = _look(i) | {'label': label if j == 0 else None}
+                look = look_of(i) | {'label': label if j == 0 else None}
                 east, north = motion.position[part, 1] * scale, motion.position[part, 0] * scale
                 track.plot(east, north, **look)
                 high.plot(motion.time[part], motion.altitude[part], **look)
@@ -136,34 +133,6 @@ def tracks_figure(flights: Mapping[str, Trajectory]) -> Figure:
         high.legend()
         figure.suptitle(title_of(next(iter(flights.values()))), fontsize=10)
     return figure
-
-
-def sweep_figure(
-    x: ArrayLike, curves: Mapping[str, ArrayLike], *, xlabel: str, ylabel: str, title: str = ''
-) -> Figure:
-    """Return curves by label over what was varied, each point marked.
-
-    Parameters
-    ----------
-    x : (n,)
-    curves : mapping of label to (n,)
-        Not-a-numbers are left out.
-    xlabel, ylabel : str
-        With units.
-    """
-    with style():
-        figure = new_figure((6.0, 4.0))
-        ax = figure.subplots()
-        for i, (label, values) in enumerate(curves.items()):
-            ax.plot(np.asarray(x), np.asarray(values), marker='o', ms=4, label=label, **_look(i))
-        ax.set(xlabel=xlabel, ylabel=ylabel)
-        ax.legend()
-        figure.suptitle(title, fontsize=10)
-    return figure
-
-
-def _look(i: int) -> dict[str, Any]:
-    return {'color': COLORS[i % len(COLORS)], 'ls': LINES[i % len(LINES)]}
 
 
 def _distance(extent: float) -> tuple[float, str]:

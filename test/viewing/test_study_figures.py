@@ -88,16 +88,6 @@ def test_tracks_and_altitudes_of_several_flights():
     assert len(track.lines) == 3  # two stretches and one
 
 
-def test_a_sweep_has_its_points_and_labels():
-    figure = figures.sweep_figure(
-        [0, 5], {'a': [1, 2], 'b': [1, 3]}, xlabel='v [m/s]', ylabel='h [m]'
-    )
-    (ax,) = figure.axes
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ('v [m/s]', 'h [m]')
-    np.testing.assert_array_equal(ax.lines[1].get_ydata(), [1, 3])
-    assert len({(line.get_color(), line.get_linestyle()) for line in ax.lines}) == 2
-
-
 def test_a_plan_in_a_vertical_plane_is_seen_from_the_side():
     assert figures.figure_for(glide()).axes[0].get_xlabel() == 'x_e [km]'
     t = np.linspace(0, 10, 11)
