@@ -1,4 +1,4 @@
-"""The `flightdyn` command: plan, sim, replay, batch, info, convert, models, vehicles.
+"""The `flightdyn` command: plan, sim, replay, batch, info, convert, and lists of what there is.
 
 Only results go to stdout; progress and errors go to stderr.
 """
@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from . import cli_logs, export
+from . import cli_batch, cli_logs, export
 from .console import interruptible, iterations, print_rows
 from .errors import EXIT_CODES, FlightdynError, ResultCode
 
@@ -119,21 +119,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     convert.add_argument('--source', metavar='TOPIC', help='convert this topic, not the best one')
 
-    text = 'Do many at once, on all cores or on a Dask cluster.'
-    batch = commands.add_parser('batch', help=text, description=text)
-    batches = batch.add_subparsers(required=True, metavar='COMMAND')
-    logs = command(
-        'replay',
-        cli_logs.batch_replay,
-        'Replay many flight logs, each into a table; a second run goes on where this one ended.',
-        config=False,
-        among=batches,
-    )
-    logs.add_argument('pattern', nargs='+', help="logs, such as 'logs/**/*.mcap'")
-    logs.add_argument('--source', metavar='TOPIC', help='use this topic, not the best of each log')
-    _add_batch(logs)
-
+    cli_batch.add_commands(commands, command)
     command('models', _models, 'List the Dynamics family.', config=False)
+    command('problems', _problems, 'List the configured problems.')
     vehicles = command('vehicles', _vehicles, 'List the configured vehicles.')
     vehicles.add_argument('vehicle', nargs='*', help='tell all about these only')
     return parser
@@ -149,27 +137,6 @@ def _add_output(sub: argparse.ArgumentParser, formats: tuple[str, ...], more: st
         metavar='FILE',
         help=f'write the result, format by suffix: {" ".join(formats)}{more}',
     )
-
-
-def _add_batch(sub: argparse.ArgumentParser) -> None:
-    sub.add_argument(
-        '-o',
-        '--output',
-        required=True,
-        metavar='DIR',
-        help='folder of the results and of the table of all, summary.parquet',
-    )
-    where = sub.add_mutually_exclusive_group()
-    where.add_argument(
-        '--workers', type=_count, metavar='N', help='processes; default: one for each core'
-    )
-    where.add_argument('--scheduler', metavar='ADDR', help='run on Dask, such as tcp://host:8786')
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or int(text) == 0:
-        raise argparse.ArgumentTypeError(f'{text!r} is not a number above 0')
-    return int(text)
 
 
 def _plan(arguments: argparse.Namespace) -> int:
@@ -294,6 +261,21 @@ def _models(arguments: argparse.Namespace) -> int:
             ]
         )
     return 0
+
+
+def _problems(arguments: argparse.Namespace) -> int:
+    from .planning.problem_file import list_problems
+
+    problems, wrong = list_problems(arguments.config_dir)
+    rows = [(p.name, p.vehicle.name, p.description) for p in problems]
+    if arguments.json:
+        keys = ('problem', 'vehicle', 'description')
+        print(json.dumps([dict(zip(keys, row, strict=True)) for row in rows]))
+    else:
+        print_rows([('problem', 'vehicle', 'description'), *rows])
+    for error in wrong:
+        print(f'flightdyn: {error}', file=sys.stderr)
+    return max((error.exit_code for error in wrong), default=0)
 
 
 def _vehicles(arguments: argparse.Namespace) -> int:

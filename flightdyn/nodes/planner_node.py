@@ -22,6 +22,7 @@ from flightdyn_msgs.srv import EvaluateModel, ListProblems
 from ..dynamics.stage import WIND
 from ..errors import FlightdynError, ResultCode
 from ..planning.problem import Problem
+from ..planning.problem_file import list_problems
 from ..planning.report import Plan
 from ..planning.solver import Iteration
 from ..resources import config_dirs
@@ -30,7 +31,7 @@ from .base import LATCHED, BaseNode
 from .convert import path_msg, report_msg, trajectory_msg
 from .parameters import Parameters, parameter
 from .plan_worker import Job, Outcome, PlanWorker, summary
-from .requests import configured_problems, evaluate_model, problem_of_goal
+from .requests import evaluate_model, problem_of_goal
 
 COUNTS = ('accepted', 'rejected', 'succeeded', 'failed', 'cancelled')
 
@@ -173,12 +174,12 @@ class PlannerNode(BaseNode):
 
     # The services. -------------------------------------------------------------------------------
     def _list_problems(self, _request: Any, response: Any) -> None:
-        rows, wrong = configured_problems(self.parameters.values.config_dir)
-        for sentence in wrong:
-            self.get_logger().warning(sentence)
-        response.names = [row[0] for row in rows]
-        response.vehicles = [row[1] for row in rows]
-        response.descriptions = [row[2] for row in rows]
+        problems, wrong = list_problems(self.parameters.values.config_dir)
+        for error in wrong:
+            self.get_logger().warning(str(error))
+        response.names = [problem.name for problem in problems]
+        response.vehicles = [problem.vehicle.name for problem in problems]
+        response.descriptions = [problem.description for problem in problems]
 
     def _evaluate_model(self, request: Any, response: Any) -> None:
         evaluate_model(request, self.parameters.values.config_dir, response)

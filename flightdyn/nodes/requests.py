@@ -9,7 +9,7 @@ from ..dynamics.stage import Stage
 from ..errors import InputError
 from ..planning.problem import Problem
 from ..planning.problem_file import load_problem
-from ..resources import find_config, list_configs
+from ..resources import find_config
 from ..trajectory import Columns
 from ..vehicles.vehicle import Vehicle, load_vehicle
 from .convert import (
@@ -78,21 +78,6 @@ def _guess(message: Any, problem: Problem) -> Any:
             if name not in known:
                 raise InputError(f"guess: {group}: unknown '{name}'{suggestion(name, known)}")
     return guess
-
-
-def configured_problems(
-    config_dir: str,
-) -> tuple[list[tuple[str, str, str]], list[str]]:
-    """Return (name, vehicle, description) of every problem, and what is wrong with the others."""
-    rows, wrong = [], []
-    for name in list_configs('problems', config_dir):
-        try:
-            problem = load_problem(name, (), config_dir)
-        except InputError as error:
-            wrong.append(str(error))
-        else:
-            rows.append((name, problem.vehicle.name, problem.description))
-    return rows, wrong
 
 
 def evaluate_model(request: Any, config_dir: str, response: Any) -> None:

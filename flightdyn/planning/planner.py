@@ -96,7 +96,7 @@ class Planner:
         run = Run(self._programmes, problem, started, on_iteration, should_stop)
         found = run.near(near) if near is not None else None
         if found is not None:
-            return run.finish(found)
+            return replace(run.finish(found), near=True)
         starts = problem.multistart if multistart is None else multistart
         if starts > 1:
             optima = _local_optima(run, starts, seed)

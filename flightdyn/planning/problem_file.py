@@ -1,12 +1,13 @@
 """Problems from YAML files and settings of the command line."""
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from ..config import check_keys, load_yaml, number, parse_yaml, text, whole_number
 from ..errors import InputError
-from ..resources import find_config
+from ..resources import find_config, list_configs
 from ..vehicles.fields import IN_DEGREES, in_degrees, named_bounds
 from ..vehicles.vehicle import Vehicle, load_vehicle
 from .objective import parse_objective
@@ -29,7 +30,8 @@ def load_problem(
     Parameters
     ----------
     settings : sequence of 'KEY=VALUE'
-        Override entries of the file; KEY may go down with dots (`final.x_e=2`), VALUE is YAML.
+        Override entries of the file; KEY may go down with dots (`final.x_e=2`) and to one of
+        several values (`wind_ned[0]=-5`), VALUE is YAML.
 
     Raises
     ------
@@ -48,17 +50,39 @@ def load_problem(
     return _problem(path, check_keys(document, KEYS, str(path)), config_dir)
 
 
+def list_problems(config_dir: str | Path | None = None) -> tuple[list[Problem], list[InputError]]:
+    """Return every configured problem, by name, and what is wrong with those that are none."""
+    problems, wrong = [], []
+    for name in list_configs('problems', config_dir):
+        try:
+            problems.append(load_problem(name, (), config_dir))
+        except InputError as error:
+            wrong.append(error)
+    return problems, wrong
+
+
 def _apply(document: dict[str, Any], setting: str) -> None:
     key, equals, value = setting.partition('=')
-    if not equals or not key:
+    if not equals or not re.fullmatch(r'[^.\[\]]+(\.[^.\[\]]+|\[\d+\])*', key):
         raise InputError(f"--set {setting}: expected KEY=VALUE, such as 'final.x_e=2'")
-    *parents, last = key.split('.')
+    *parents, last = re.findall(r'[^.\[\]]+', key)
     node: Any = document
-    for parent in parents:
-        node = node.setdefault(parent, {})
-        if not isinstance(node, dict):
-            raise InputError(f'--set {setting}: {parent} is not a mapping')
-    node[last] = parse_yaml(value, f'--set {setting}')
+    for parent, below in zip(parents, [*parents, last][1:], strict=True):
+        empty: Any = [0, 0, 0] if parent == 'wind_ned' else {}
+        if isinstance(node, list):
+            node = node[_index(node, parent, setting)]
+        else:
+            node = node.setdefault(parent, empty)
+        if not isinstance(node, dict | list):
+            raise InputError(f'--set {setting}: {parent} is a value, and has no {below}')
+    place = _index(node, last, setting) if isinstance(node, list) else last
+    node[place] = parse_yaml(value, f'--set {setting}')
+
+
+def _index(items: list[Any], text: str, setting: str) -> int:
+    if not text.isdecimal() or int(text) >= len(items):
+        raise InputError(f'--set {setting}: expected [0] to [{len(items) - 1}], got [{text}]')
+    return int(text)
 
 
 def _problem(path: Path, document: dict[str, Any], config_dir: str | Path | None) -> Problem:

@@ -64,12 +64,15 @@ class Plan:
         Controls between its samples are as flown: held, or straight.
     others : list of Plan
         Other local optima that were found, if they were asked for, best first.
+    near : bool
+        Whether its solve started from another plan.
     """
 
     trajectory: Trajectory
     report: PlanReport
     wind_ned: tuple[float, ...] = (0.0, 0.0, 0.0)
     others: list['Plan'] = field(default_factory=list)
+    near: bool = False
     attempt: Attempt | None = field(default=None, repr=False, compare=False)
 
 
