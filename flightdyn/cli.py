@@ -1,4 +1,4 @@
-"""The `flightdyn` command: plan, sim, replay, batch, info, convert, models, vehicles.
+"""The `flightdyn` command: plan, sim, replay, batch, info, convert, and lists of what there is.
 
 Only results go to stdout; progress and errors go to stderr.
 """
@@ -141,6 +141,7 @@ def _parser() -> argparse.ArgumentParser:
 
     cli_batch.add_commands(commands, command)
     command('models', _models, 'List the Dynamics family.', config=False)
+    command('problems', _problems, 'List the configured problems.')
     vehicles = command('vehicles', _vehicles, 'List the configured vehicles.')
     vehicles.add_argument('vehicle', nargs='*', help='tell all about these only')
     return parser
@@ -325,6 +326,21 @@ def _models(arguments: argparse.Namespace) -> int:
             ]
         )
     return 0
+
+
+def _problems(arguments: argparse.Namespace) -> int:
+    from .planning.problem_file import list_problems
+
+    problems, wrong = list_problems(arguments.config_dir)
+    rows = [(p.name, p.vehicle.name, p.description) for p in problems]
+    if arguments.json:
+        keys = ('problem', 'vehicle', 'description')
+        print(json.dumps([dict(zip(keys, row, strict=True)) for row in rows]))
+    else:
+        print_rows([('problem', 'vehicle', 'description'), *rows])
+    for error in wrong:
+        print(f'flightdyn: {error}', file=sys.stderr)
+    return max((error.exit_code for error in wrong), default=0)
 
 
 def _vehicles(arguments: argparse.Namespace) -> int:
