@@ -1,4 +1,4 @@
-"""The `flightdyn` command: plan, sim, replay, batch, info, convert, models, vehicles.
+"""The `flightdyn` command: plan, sim, replay, view, batch, info, convert, models, vehicles.
 
 Only results go to stdout; progress and errors go to stderr.
 """
@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from . import cli_logs, export
+from . import cli_logs, cli_view, export
 from .console import interruptible, iterations, print_rows
 from .errors import EXIT_CODES, FlightdynError, ResultCode
 
@@ -80,6 +80,13 @@ def _parser() -> argparse.ArgumentParser:
         help='start from N guesses and list the local optima found',
     )
     plan.add_argument('--seed', type=int, default=0, help='of the guesses besides the first')
+    plan.add_argument(
+        '--live',
+        nargs='?',
+        const=cli_view.VIEWER,
+        metavar='URL',
+        help='show the iterations in a running viewer, by default at %(const)s',
+    )
     _add_output(plan, export.FLIGHT_FORMATS)
 
     sim = command('sim', _sim, 'Simulate a scenario, or fly a plan open-loop.')
@@ -118,6 +125,9 @@ def _parser() -> argparse.ArgumentParser:
         'output', help="MCAP file to write; with several logs '{log}' stands for their name"
     )
     convert.add_argument('--source', metavar='TOPIC', help='convert this topic, not the best one')
+
+    view = command('view', cli_view.view, 'Show flights, or draw pictures of them.', config=False)
+    cli_view.add_arguments(view)
 
     text = 'Do many at once, on all cores or on a Dask cluster.'
     batch = commands.add_parser('batch', help=text, description=text)
@@ -182,10 +192,15 @@ def _plan(arguments: argparse.Namespace) -> int:
     if arguments.multistart is not None:
         settings.append(f'multistart={arguments.multistart}')
     problem = load_problem(arguments.problem, settings, arguments.config_dir)
-    with interruptible() as interrupted, iterations() as on_iteration:
+    with (
+        interruptible() as interrupted,
+        iterations() as console,
+        cli_view.live_iterations(arguments.live, problem.name, console) as (on_iteration, on_plan),
+    ):
         plan = Planner().plan(
             problem, seed=arguments.seed, on_iteration=on_iteration, should_stop=interrupted
         )
+        on_plan(plan.trajectory)
     document = plan_document(plan)
     for path in outputs:
         export.write_flight(path, plan.trajectory, document)
