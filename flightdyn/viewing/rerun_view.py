@@ -60,7 +60,7 @@ except ImportError as error:
 
 Array = NDArray[np.float64]
 
-MAX_ROWS = 250_000
+MAX_ROWS = 200_000
 AXES = ('axes', 'earth axes')
 PARTS = (*AXES, 'path', 'curtain', 'ground', 'grid', 'ghosts', 'arrows', 'uncertainty')
 """What of the 3D view can be left out."""
@@ -114,7 +114,7 @@ def save_rrd(
         What is left out; unless given, the axes of the vehicle and of the earth.
     max_rows : int
         Of a longer flight about this many samples are sent, with every extreme among them; the
-        summary says so. 250 000 make some 80 MB.
+        summary says so. 200 000 make some 80 MB.
 
     Raises
     ------
