@@ -144,7 +144,7 @@ def _write(target: Path, opened: dict[str, Opened], arguments: argparse.Namespac
         save_flights(target, flights, align=arguments.align)
         return
     from .viewing.rerun_view import save_rrd
-    from .viewing.run_notes import run_events, run_lanes, run_properties
+    from .viewing.run_notes import run_events, run_lanes, run_properties, run_surroundings
 
     if arguments.align != 'time':
         raise InputError('--align is of several flights')
@@ -155,6 +155,7 @@ def _write(target: Path, opened: dict[str, Opened], arguments: argparse.Namespac
         planned=only.planned,
         name=label,
         color=arguments.color,
+        surroundings=run_surroundings(only.document),
         events=run_events(only.document, float(only.flight.time[0])),
         lanes=run_lanes(only.document),
         properties=run_properties(only.document),

@@ -1,16 +1,16 @@
 """Vehicles from YAML files; `Vehicle.model()` gives their physics."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from ..config import load_yaml, suggestion, text
+from ..config import apply_setting, load_yaml, suggestion, text
 from ..dynamics import FAMILY, MassProperties
 from ..dynamics.base import G
 from ..dynamics.stage import KINEMATICS
 from ..errors import InputError
 from ..resources import find_config, list_configs
-from . import aero_direct, aero_polar, aero_table, buoyancy, propeller, propulsion
+from . import aero_direct, aero_polar, aero_table, buoyancy, jet, propeller, propulsion
 from .aerodynamics import COEFFICIENTS, Aerodynamics
 from .definition import STEERED
 from .definition import Vehicle as Vehicle
@@ -35,14 +35,22 @@ AERODYNAMICS = {
 PROPULSION = {
     'rocket': (propulsion.ROCKET_KEYS, propulsion.read_rocket),
     'propeller': (propeller.KEYS, propeller.read_propeller),
+    'jet': (jet.KEYS, jet.read_jet),
 }
 
 OUTPUTS = ('altitude', *COEFFICIENTS, 'lift', 'drag', 'thrust', 'power', 'rotation', 'mach')
 """What can be limited beside states, controls and the kinematics of every stage."""
 
 
-def load_vehicle(name: str, config_dir: str | Path | None = None) -> Vehicle:
+def load_vehicle(
+    name: str, config_dir: str | Path | None = None, settings: Sequence[str] = ()
+) -> Vehicle:
     """Return a configured vehicle by name.
+
+    Parameters
+    ----------
+    settings : sequence of 'KEY=VALUE'
+        Override entries of its file, such as `mass=0.105` or `inertia.Iyy=6e-4`.
 
     Raises
     ------
@@ -51,7 +59,10 @@ def load_vehicle(name: str, config_dir: str | Path | None = None) -> Vehicle:
         message names file and key.
     """
     path = find_config('vehicles', name, config_dir)
-    document = Fields(load_yaml(path), KEYS, str(path))
+    values = load_yaml(path)
+    for setting in settings:
+        apply_setting(values, setting)
+    document = Fields(values, KEYS, str(path))
     model_name = document.choice('model', FAMILY)
     gravity = document.number('gravity', G)
     controls = _controls(document)
