@@ -79,6 +79,7 @@ class BaseNode(LifecycleNode):
         self.view: Any = None
         """The viewer, a `flightdyn.viewing.live.LiveView`, if there is one."""
         self._failure: Exception | None = None
+        self._is_starting = False
         self._ignored = 0
         self._timers_when: list[tuple[Any, When]] = []
         self.parameters = Parameters(
@@ -142,10 +143,14 @@ class BaseNode(LifecycleNode):
         if not self.parameters.values.autostart:
             self.get_logger().info('waiting to be configured and activated')
             return
-        for trigger in (self.trigger_configure, self.trigger_activate):
-            if trigger() != SUCCESS:
-                assert self._failure is not None
-                raise self._failure
+        self._is_starting = True
+        try:
+            for trigger in (self.trigger_configure, self.trigger_activate):
+                if trigger() != SUCCESS:
+                    assert self._failure is not None
+                    raise self._failure
+        finally:
+            self._is_starting = False
 
     def finalize(self) -> None:
         """Go through the shutdown transition, if the node has not been shut down yet."""
@@ -213,7 +218,8 @@ class BaseNode(LifecycleNode):
             said = str(error) if known else f'{type(error).__name__}: {error}'
             if first:
                 self._failure = error if known else FlightdynError(said)
-            self.get_logger().error(f'cannot be {what}: {said}')
+            if not self._is_starting:  # who starts the node hears of it
+                self.get_logger().error(f'cannot be {what}: {said}')
             return FAILURE if known else ERROR
         return SUCCESS
 
