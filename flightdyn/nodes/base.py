@@ -6,13 +6,13 @@ for, and says so in the others.
 """
 
 import copy
-import importlib
 import inspect
 from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any, Literal
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, JumpThreshold
 from rclpy.clock_type import ClockType
 from rclpy.context import Context
@@ -75,6 +75,8 @@ class BaseNode(LifecycleNode):
         self, name: str, kind: type[NodeParameters], *, context: Context | None = None
     ) -> None:
         super().__init__(name, context=context)
+        # On one thread callbacks exclude each other anyhow; one that awaits lets the others run.
+        self._default_callback_group = ReentrantCallbackGroup()
         self.is_configured = self.is_active = False
         self.view: Any = None
         """The viewer, a `flightdyn.viewing.live.LiveView`, if there is one."""
@@ -227,13 +229,13 @@ class BaseNode(LifecycleNode):
         url = self.parameters.values.viewer
         if url:
             try:
-                live = importlib.import_module('flightdyn.viewing.live')
+                from ..viewing.live import LiveView
             except ImportError as error:
                 raise InputError(
                     f"parameter viewer: needs the extra 'view': pip install 'flightdyn[view]' "
                     f'({error})'
                 ) from None
-            self.view = live.LiveView(url, name=self.get_fully_qualified_name())
+            self.view = LiveView(url, name=self.get_fully_qualified_name())
 
     def _close_view(self) -> None:
         view, self.view = self.view, None

@@ -137,9 +137,10 @@ def test_replay_ends_while_playing(ros: None, session: Session, number: int) -> 
     [
         ('replay', {}, 'which flight log'),
         ('replay', {'log': '/nope.mcap'}, 'no file /nope.mcap'),
-        ('replay', {'log': str(DISCUS), 'log_root': str(ROOT / 'config')}, 'outside log_root'),
+        ('replay', {'log': str(DISCUS), 'log_root': str(ROOT / 'config')}, 'is outside'),
         ('replay', {'log': str(ROOT / 'setup.py')}, 'setup.py'),
-        ('replay', {'log': str(DISCUS), 'rate': -1}, 'rate'),
+        ('replay', {'log': str(DISCUS), 'rate': 0}, 'rate'),
+        ('replay', {'log': str(DISCUS), 'start_at': 'noon'}, 'noon'),
         ('sim', {'vehicle': 'nope'}, "no vehicle 'nope'"),
         ('sim', {'origin_lat': 91.0}, 'origin_lat'),
         ('sim', {'wind_ned': [1.0]}, '3 finite numbers'),
