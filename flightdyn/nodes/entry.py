@@ -10,6 +10,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from typing import Any, NoReturn
 
@@ -17,7 +18,7 @@ from ..errors import FlightdynError, InputError
 
 WIND_DOWN_S = 0.8
 JOIN_S = 0.5
-TEARDOWN_S = 1.0
+END_S = 1.9  # after the signal
 
 
 class _Interrupted(KeyboardInterrupt):
@@ -30,13 +31,20 @@ class _Signals:
     def __init__(self) -> None:
         self.stop = threading.Event()
         self.interrupting = True
+        self._told = 0.0
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._take)
 
     def _take(self, _number: int, _frame: Any) -> None:
+        self._told = self._told or time.monotonic()
         self.stop.set()
         if self.interrupting:
             raise _Interrupted
+
+    @property
+    def left(self) -> float:
+        """How long the end may still take [s]; a little if that is over."""
+        return max(END_S - (time.monotonic() - self._told), 0.1) if self._told else END_S
 
     @contextlib.contextmanager
     def interrupt(self, interrupting: bool) -> Iterator[None]:
@@ -202,7 +210,7 @@ class _Session:
         self._node.finalize()
         # What a killed peer left locked can hold the middleware up for good; no Python runs then.
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
-        signal.setitimer(signal.ITIMER_REAL, TEARDOWN_S)
+        signal.setitimer(signal.ITIMER_REAL, self._signals.left)
         self._node.destroy_node()
         rclpy.try_shutdown()
         return code

@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 MAX_REFINEMENTS = 8
 MAX_SHARPENINGS = 4
 INTERVALS_IN_ARC = 4
+MAX_WARM = 60  # iterations from an earlier plan; one that needs more is not near
 
 
 @dataclass(frozen=True)
@@ -129,7 +130,12 @@ class Run:
         if conditions.structure(problem, mesh) != solved.structure:
             return None
         found = self.solve(
-            problem, mesh, solved.values, strategy='warm', multipliers=solved.multipliers
+            problem,
+            mesh,
+            solved.values,
+            strategy='warm',
+            multipliers=solved.multipliers,
+            most_iterations=MAX_WARM,
         )
         return found if found.within(problem.tolerance) else None
 

@@ -83,6 +83,22 @@ def test_nothing_is_left_in_shared_memory(
     assert [file for file in mapped - others if Path(file).exists()] == []
 
 
+@pytest.mark.parametrize('number', SIGNALS)
+def test_planner_that_is_stopped_in_mid_solve_leaves_nothing(
+    ros: None, session: Session, number: int
+) -> None:
+    with NodeProcess('planner', env={'FASTDDS_BUILTIN_TRANSPORTS': None}) as process:
+        heard = Inbox('feedback')
+        PlannerClient(session).send(
+            'quadcopter_flip', final={'x_e': 300.0}, nodes=300, on_feedback=heard.put
+        )
+        heard.wait(timeout=60)
+        mapped = shared_memory(process.process.pid)
+        end(process, number)
+    assert mapped
+    assert [file for file in mapped if Path(file).exists()] == []
+
+
 def test_node_waits_to_be_configured(ros: None, session: Session) -> None:
     with NodeProcess('planner', autostart=False) as process:
         state = session.call(GetState, '/planner/get_state').current_state.label
