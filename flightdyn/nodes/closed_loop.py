@@ -16,13 +16,12 @@ import numpy as np
 from rich.console import Console
 
 from ..errors import FlightdynError
-from ..logs.recorded import read_flights
+from ..logs.recorded import read_flights, read_plans
 from ..planning.planner import Planner
 from ..planning.problem_file import load_problem
 from ..replay import replay_log
 from ..trajectory import Trajectory
 from .client import NodeTimeout, Session
-from .convert import nanoseconds
 from .demo import MAX_REPLAYED_POSITION, Check, print_checks
 from .process import NodeProcess
 
@@ -121,7 +120,6 @@ def fly_glide(
         Session() as session,
     ):
         from flightdyn_msgs.msg import SimEvent
-        from flightdyn_msgs.msg import Trajectory as TrajectoryMsg
 
         events = session.subscribe(SimEvent, 'sim/event', timeout=START_S)
         with NodeProcess(
@@ -133,24 +131,23 @@ def fly_glide(
             replan_rate=RATE,
             replan_stop_before=3.0,
         ) as planner:
-            plans = session.subscribe(TrajectoryMsg, 'planner/trajectory', timeout=START_S)
             try:
                 contact = events.wait(_grounded, timeout=timeout)
             except NodeTimeout:
                 planner.check()
                 sim.check()
                 raise FlightdynError(f'the glide is not over: {sim.output[-500:]}') from None
-            starts = [nanoseconds(plan.header.stamp) for plan in plans.messages]
         code = sim.stop()
         if code != 0:
             raise FlightdynError(f'sim ended with {code}: {sim.output[-500:]}')
     flown = read_flights(recording)[-1]
+    starts = np.array([plan.start_ns for plan in read_plans(recording)], dtype=np.int64)
     ground = next(event for event in contact if event.kind == SimEvent.GROUND_CONTACT)
     return Glide(
         range=float(flown.sample('x_e', [ground.time])[0]),
         optimum=best.trajectory,
         flown=flown,
-        plan_starts=(np.array(starts, dtype=np.int64) - flown.start_ns) / 1e9,
+        plan_starts=(starts - flown.start_ns) / 1e9,
     )
 
 

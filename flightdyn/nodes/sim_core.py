@@ -339,13 +339,14 @@ class SimCore:
         began = self._clock()
         wall, start = self._anchor
         factor = self._rules.real_time_factor
-        target = math.inf if factor == 0 else start + (began - wall) * factor
+        due = math.inf if factor == 0 else start + (began - wall) * factor
+        lag = MAX_LAG_S * factor + 1 / self._rate
+        target = due if factor == 0 else min(due, self.run.simulator.time + lag)
         while not self._stopped and self._next_time() <= target + _EPS:
             self._advance(self._next_time())
             if self._clock() - began > BUDGET_S:
                 break
-        behind = target - self.run.simulator.time
-        if factor == 0 or behind > MAX_LAG_S * factor + 1 / self._rate:
+        if due - self.run.simulator.time > lag:
             self._rebase()
 
     def _next_time(self) -> float:

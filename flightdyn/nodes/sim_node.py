@@ -137,7 +137,7 @@ class SimNode(BaseNode):
     def _vehicles_of(self, name: str) -> tuple[Vehicle, Vehicle]:
         values = self.parameters.values
         believed = load_vehicle(name, values.config_dir)
-        settings = values.vehicle_settings.split()
+        settings = [s.strip() for s in values.vehicle_settings.split(';') if s.strip()]
         return believed, load_vehicle(name, values.config_dir, settings) if settings else believed
 
     def _flying(self) -> SimCore:
