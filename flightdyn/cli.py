@@ -11,11 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 from . import cli_logs, export
 from .console import interruptible, iterations, print_rows
-from .errors import EXIT_CODES, FlightdynError, ResultCode
+from .environment.turbulence import SEVERITIES
+from .errors import EXIT_CODES, FlightdynError, InputError, ResultCode
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from .simulation.simulator import Simulator
+    from .trajectory import Trajectory
     from .vehicles.vehicle import Vehicle
 
 
@@ -82,8 +85,23 @@ def _parser() -> argparse.ArgumentParser:
     plan.add_argument('--seed', type=int, default=0, help='of the guesses besides the first')
     _add_output(plan, export.FLIGHT_FORMATS)
 
-    sim = command('sim', _sim, 'Simulate a scenario, or fly a plan open-loop.')
+    sim = command('sim', _sim, 'Simulate a scenario, or fly a plan.')
     sim.add_argument('scenario', help='name in config/scenarios, .yaml file, or plan .json file')
+    sim.add_argument(
+        '--track',
+        action='store_true',
+        help='keep to the plan by feedback, instead of flying its controls open-loop',
+    )
+    sim.add_argument(
+        '--set',
+        action='append',
+        default=[],
+        metavar='KEY=VALUE',
+        help='override an entry of the vehicle that flies the plan, such as mass=0.105; a '
+        'controller does not know of it',
+    )
+    sim.add_argument('--gusts', choices=SEVERITIES[1:], help='fly the plan in Dryden turbulence')
+    sim.add_argument('--seed', type=int, default=0, help='of the gusts')
     sim.add_argument('--rate', type=float, help="samples a second (the scenario's, else 200)")
     _add_output(sim, export.FLIGHT_FORMATS)
 
@@ -228,18 +246,17 @@ def _arc(arc: dict[str, Any]) -> str:
 def _sim(arguments: argparse.Namespace) -> int:
     from .planning.plan_file import read_plan
     from .simulation.scenario import RATE, load_scenario
-    from .simulation.simulator import Simulator, fly
-    from .vehicles.vehicle import load_vehicle
+    from .simulation.simulator import fly
 
     outputs = export.check_outputs(arguments.output, export.FLIGHT_FORMATS)
     planned = None
     if arguments.scenario.endswith('.json'):
         planned, document = read_plan(arguments.scenario)
-        model = load_vehicle(planned.vehicle, arguments.config_dir).model()
-        initial = {name: float(values[0]) for name, values in planned.states.items()}
-        simulator = Simulator(model, initial, planned, wind=document['wind_ned'])
+        simulator = _on_plan(arguments, planned, document['wind_ned'])
         duration, rate = planned.duration, RATE
     else:
+        if arguments.track or arguments.set or arguments.gusts:
+            raise InputError('--track, --set and --gusts are for plans (.json)')
         scenario = load_scenario(arguments.scenario, arguments.config_dir)
         simulator, duration, rate = scenario.simulator(), scenario.duration, scenario.rate
     also_at = None if planned is None else planned.time
@@ -267,6 +284,23 @@ def _sim(arguments: argparse.Namespace) -> int:
             ]
         )
     return 0
+
+
+def _on_plan(
+    arguments: argparse.Namespace, planned: 'Trajectory', wind: 'Sequence[float]'
+) -> 'Simulator':
+    """Return a simulator at the start of a plan, of the vehicle as it was set."""
+    from .control.tracker import track
+    from .simulation.gusts import Gusts
+    from .simulation.simulator import Simulator
+    from .vehicles.vehicle import load_vehicle
+
+    believed = load_vehicle(planned.vehicle, arguments.config_dir)
+    vehicle = load_vehicle(planned.vehicle, arguments.config_dir, arguments.set)
+    initial = {name: float(values[0]) for name, values in planned.states.items()}
+    controls = track(believed, planned, wind=wind) if arguments.track else planned
+    gusts = Gusts(arguments.gusts, arguments.seed) if arguments.gusts else None
+    return Simulator(vehicle.model(), initial, controls, wind=wind, gusts=gusts)
 
 
 def _models(arguments: argparse.Namespace) -> int:

@@ -62,6 +62,28 @@ def check_keys(mapping: Any, known: Collection[str], where: str) -> dict[str, An
     return dict(mapping)
 
 
+def apply_setting(document: dict[str, Any], setting: str) -> None:
+    """Override an entry of a document by 'KEY=VALUE'.
+
+    KEY may go down with dots (`final.x_e=2`), VALUE is YAML.
+
+    Raises
+    ------
+    InputError
+        If it is not of this form, or KEY goes down into what is not a mapping.
+    """
+    key, equals, value = setting.partition('=')
+    if not equals or not key:
+        raise InputError(f"--set {setting}: expected KEY=VALUE, such as 'final.x_e=2'")
+    *parents, last = key.split('.')
+    node: Any = document
+    for parent in parents:
+        node = node.setdefault(parent, {})
+        if not isinstance(node, dict):
+            raise InputError(f'--set {setting}: {parent} is not a mapping')
+    node[last] = parse_yaml(value, f'--set {setting}')
+
+
 def suggestion(name: str, known: Collection[str]) -> str:
     """Return words that name the nearest known name, or all of them."""
     near = difflib.get_close_matches(name, list(known), n=1)

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..config import check_keys, load_yaml, number, parse_yaml, text, whole_number
+from ..config import apply_setting, check_keys, load_yaml, number, text, whole_number
 from ..errors import InputError
 from ..resources import find_config
 from ..vehicles.fields import IN_DEGREES, in_degrees, named_bounds
@@ -44,21 +44,8 @@ def load_problem(
     )
     document = load_yaml(path)
     for setting in settings:
-        _apply(document, setting)
+        apply_setting(document, setting)
     return _problem(path, check_keys(document, KEYS, str(path)), config_dir)
-
-
-def _apply(document: dict[str, Any], setting: str) -> None:
-    key, equals, value = setting.partition('=')
-    if not equals or not key:
-        raise InputError(f"--set {setting}: expected KEY=VALUE, such as 'final.x_e=2'")
-    *parents, last = key.split('.')
-    node: Any = document
-    for parent in parents:
-        node = node.setdefault(parent, {})
-        if not isinstance(node, dict):
-            raise InputError(f'--set {setting}: {parent} is not a mapping')
-    node[last] = parse_yaml(value, f'--set {setting}')
 
 
 def _problem(path: Path, document: dict[str, Any], config_dir: str | Path | None) -> Problem:

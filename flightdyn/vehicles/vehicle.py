@@ -1,10 +1,10 @@
 """Vehicles from YAML files; `Vehicle.model()` gives their physics."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ..config import load_yaml, suggestion, text
+from ..config import apply_setting, load_yaml, suggestion, text
 from ..dynamics import FAMILY, MassProperties
 from ..dynamics.base import G
 from ..dynamics.stage import KINEMATICS
@@ -43,8 +43,15 @@ OUTPUTS = ('altitude', *COEFFICIENTS, 'lift', 'drag', 'thrust', 'power', 'rotati
 """What can be limited beside states, controls and the kinematics of every stage."""
 
 
-def load_vehicle(name: str, config_dir: str | Path | None = None) -> Vehicle:
+def load_vehicle(
+    name: str, config_dir: str | Path | None = None, settings: Sequence[str] = ()
+) -> Vehicle:
     """Return a configured vehicle by name.
+
+    Parameters
+    ----------
+    settings : sequence of 'KEY=VALUE'
+        Override entries of its file, such as `mass=0.105` or `inertia.Iyy=6e-4`.
 
     Raises
     ------
@@ -53,7 +60,10 @@ def load_vehicle(name: str, config_dir: str | Path | None = None) -> Vehicle:
         message names file and key.
     """
     path = find_config('vehicles', name, config_dir)
-    document = Fields(load_yaml(path), KEYS, str(path))
+    values = load_yaml(path)
+    for setting in settings:
+        apply_setting(values, setting)
+    document = Fields(values, KEYS, str(path))
     model_name = document.choice('model', FAMILY)
     gravity = document.number('gravity', G)
     controls = _controls(document)
