@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from . import cli_logs, export
+from . import cli_batch, cli_logs, export
 from .console import interruptible, iterations, print_rows
 from .environment.turbulence import SEVERITIES
 from .errors import EXIT_CODES, FlightdynError, InputError, ResultCode
@@ -137,20 +137,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     convert.add_argument('--source', metavar='TOPIC', help='convert this topic, not the best one')
 
-    text = 'Do many at once, on all cores or on a Dask cluster.'
-    batch = commands.add_parser('batch', help=text, description=text)
-    batches = batch.add_subparsers(required=True, metavar='COMMAND')
-    logs = command(
-        'replay',
-        cli_logs.batch_replay,
-        'Replay many flight logs, each into a table; a second run goes on where this one ended.',
-        config=False,
-        among=batches,
-    )
-    logs.add_argument('pattern', nargs='+', help="logs, such as 'logs/**/*.mcap'")
-    logs.add_argument('--source', metavar='TOPIC', help='use this topic, not the best of each log')
-    _add_batch(logs)
-
+    cli_batch.add_commands(commands, command)
     command('models', _models, 'List the Dynamics family.', config=False)
     vehicles = command('vehicles', _vehicles, 'List the configured vehicles.')
     vehicles.add_argument('vehicle', nargs='*', help='tell all about these only')
@@ -169,27 +156,6 @@ def _add_output(sub: argparse.ArgumentParser, formats: tuple[str, ...], more: st
     )
 
 
-def _add_batch(sub: argparse.ArgumentParser) -> None:
-    sub.add_argument(
-        '-o',
-        '--output',
-        required=True,
-        metavar='DIR',
-        help='folder of the results and of the table of all, summary.parquet',
-    )
-    where = sub.add_mutually_exclusive_group()
-    where.add_argument(
-        '--workers', type=_count, metavar='N', help='processes; default: one for each core'
-    )
-    where.add_argument('--scheduler', metavar='ADDR', help='run on Dask, such as tcp://host:8786')
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or int(text) == 0:
-        raise argparse.ArgumentTypeError(f'{text!r} is not a number above 0')
-    return int(text)
-
-
 def _plan(arguments: argparse.Namespace) -> int:
     from .planning.plan_file import plan_document
     from .planning.planner import Planner
@@ -206,7 +172,7 @@ def _plan(arguments: argparse.Namespace) -> int:
         )
     document = plan_document(plan)
     for path in outputs:
-        export.write_flight(path, plan.trajectory, document)
+        export.write_flight(path, plan.trajectory, document, limits=problem.bounded())
     report = plan.report
     if arguments.json:
         print(json.dumps(document))
@@ -252,7 +218,7 @@ def _sim(arguments: argparse.Namespace) -> int:
     planned = None
     if arguments.scenario.endswith('.json'):
         planned, document = read_plan(arguments.scenario)
-        simulator = _on_plan(arguments, planned, document['wind_ned'])
+        simulator = _on_plan(arguments, planned, document)
         duration, rate = planned.duration, RATE
     else:
         if arguments.track or arguments.set or arguments.gusts:
@@ -287,20 +253,28 @@ def _sim(arguments: argparse.Namespace) -> int:
 
 
 def _on_plan(
-    arguments: argparse.Namespace, planned: 'Trajectory', wind: 'Sequence[float]'
+    arguments: argparse.Namespace, planned: 'Trajectory', document: dict[str, Any]
 ) -> 'Simulator':
     """Return a simulator at the start of a plan, of the vehicle as it was set."""
     from .control.tracker import track
+    from .dynamics.stage import WIND_STRENGTH
+    from .environment.wind_file import read_wind
     from .simulation.gusts import Gusts
     from .simulation.simulator import Simulator
     from .vehicles.vehicle import load_vehicle
 
-    believed = load_vehicle(planned.vehicle, arguments.config_dir)
-    vehicle = load_vehicle(planned.vehicle, arguments.config_dir, arguments.set)
+    air = read_wind(document['wind'], f'{arguments.scenario}: wind')
+    wind, free = document['wind_ned'], WIND_STRENGTH in planned.states
+    believed, flown = (
+        load_vehicle(planned.vehicle, arguments.config_dir, settings).with_model(planned.model)
+        for settings in ((), arguments.set)
+    )
     initial = {name: float(values[0]) for name, values in planned.states.items()}
-    controls = track(believed, planned, wind=wind) if arguments.track else planned
+    controls: Any = planned
+    if arguments.track:
+        controls = track(believed, planned, model=believed.model(air, free_wind=free), wind=wind)
     gusts = Gusts(arguments.gusts, arguments.seed) if arguments.gusts else None
-    return Simulator(vehicle.model(), initial, controls, wind=wind, gusts=gusts)
+    return Simulator(flown.model(air, free_wind=free), initial, controls, wind=wind, gusts=gusts)
 
 
 def _models(arguments: argparse.Namespace) -> int:

@@ -89,7 +89,7 @@ def problem_of_request(request: PlanRequest, config_dir: str) -> Problem:
     }
     wall_time = request.max_wall_time or min(problem.max_wall_time, request.most_wall_time)
     if request.guess is not None:
-        model = problem.vehicle.model()
+        model = problem.model
         _check_guess('states', request.guess.states, model.states)
         _check_guess('controls', request.guess.controls, tuple(model.controls))
         changes['guess_trajectory'] = request.guess

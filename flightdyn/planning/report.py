@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..environment.surroundings import NOTHING, Surroundings
+from ..environment.wind import Wind
 from ..errors import ResultCode
 from ..trajectory import Trajectory
 from .problem import Problem
@@ -62,14 +64,23 @@ class Plan:
     ----------
     trajectory : Trajectory
         Controls between its samples are as flown: held, or straight.
+    wind_ned : x, y, z [m/s]
+    wind : Wind or None
+    surroundings : Surroundings
+        As the problem has them.
     others : list of Plan
         Other local optima that were found, if they were asked for, best first.
+    near : bool
+        Whether its solve started from another plan.
     """
 
     trajectory: Trajectory
     report: PlanReport
     wind_ned: tuple[float, ...] = (0.0, 0.0, 0.0)
+    wind: Wind | None = None
+    surroundings: Surroundings = NOTHING
     others: list['Plan'] = field(default_factory=list)
+    near: bool = False
     attempt: Attempt | None = field(default=None, repr=False, compare=False)
 
 

@@ -12,9 +12,7 @@ def test_results_are_the_functions_own_and_new_each_time() -> None:
     function = load_vehicle('quadcopter').model().stage().function
     call = ArrayCall(function)
     random = np.random.default_rng(0)
-    arguments = [
-        [random.normal(size=function.size1_in(i)) for i in range(3)] for _ in range(2)
-    ]
+    arguments = [[random.normal(size=function.size1_in(i)) for i in range(3)] for _ in range(2)]
     results = [call(*each) for each in arguments]
     for each, found in zip(arguments, results, strict=True):
         for mine, own in zip(found, function(*each), strict=True):
