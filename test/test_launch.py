@@ -118,7 +118,8 @@ def test_demos_are_offered_and_set_what_there_is(
         own = node.named['executable']
         file = Path(text_of(node.named['parameters'][1], arguments))
         assert file == ROOT / f'config/demos/{demo}.yaml'
-        assert parameters_of(file, own) <= parameters_of(ROOT / f'config/{own}.yaml', own)
+        known = parameters_of(ROOT / f'config/{own}.yaml', own)
+        assert parameters_of(file, own) <= known | {'use_sim_time'}
     (goal,) = (entity for entity in entities if kind(entity) == 'ExecuteProcess')
     assert text_of(goal.named['condition'].given[0], arguments) == str(demo == 'flip')
     problem = yaml.safe_load(goal.named['cmd'][-1])['problem']
