@@ -216,7 +216,13 @@ class PlanWorker:
 
     def _plan(self, request: PlanRequest) -> Outcome:
         problem = problem_of_request(request, self._call.config_dir)
-        progress = Progress(lambda i: self._pipe.send(Progressed(self._call.number, i)))
+
+        def publish(iteration: Iteration) -> None:
+            # the iterate stays here: what makes a flight of it cannot be sent
+            figures = replace(iteration, variables=None, trajectory=None)
+            self._pipe.send(Progressed(self._call.number, figures))
+
+        progress = Progress(publish)
         warm = self._call.warm_start and request.guess is None
         plan = self._planner.plan(
             problem,
