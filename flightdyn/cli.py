@@ -9,14 +9,17 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from . import cli_logs, export
+from . import cli_batch, cli_logs, export
 from .console import interruptible, iterations, print_rows
-from .errors import EXIT_CODES, FlightdynError, ResultCode
+from .environment.turbulence import SEVERITIES
+from .errors import EXIT_CODES, FlightdynError, InputError, ResultCode
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from .planning.alternatives import Alternative
+    from .simulation.simulator import Simulator
+    from .trajectory import Trajectory
     from .vehicles.vehicle import Vehicle
 
 
@@ -83,8 +86,23 @@ def _parser() -> argparse.ArgumentParser:
     plan.add_argument('--seed', type=int, default=0, help='of the guesses besides the first')
     _add_output(plan, export.FLIGHT_FORMATS)
 
-    sim = command('sim', _sim, 'Simulate a scenario, or fly a plan open-loop.')
+    sim = command('sim', _sim, 'Simulate a scenario, or fly a plan.')
     sim.add_argument('scenario', help='name in config/scenarios, .yaml file, or plan .json file')
+    sim.add_argument(
+        '--track',
+        action='store_true',
+        help='keep to the plan by feedback, instead of flying its controls open-loop',
+    )
+    sim.add_argument(
+        '--set',
+        action='append',
+        default=[],
+        metavar='KEY=VALUE',
+        help='override an entry of the vehicle that flies the plan, such as mass=0.105; a '
+        'controller does not know of it',
+    )
+    sim.add_argument('--gusts', choices=SEVERITIES[1:], help='fly the plan in Dryden turbulence')
+    sim.add_argument('--seed', type=int, default=0, help='of the gusts')
     sim.add_argument('--rate', type=float, help="samples a second (the scenario's, else 200)")
     _add_output(sim, export.FLIGHT_FORMATS)
 
@@ -120,20 +138,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     convert.add_argument('--source', metavar='TOPIC', help='convert this topic, not the best one')
 
-    text = 'Do many at once, on all cores or on a Dask cluster.'
-    batch = commands.add_parser('batch', help=text, description=text)
-    batches = batch.add_subparsers(required=True, metavar='COMMAND')
-    logs = command(
-        'replay',
-        cli_logs.batch_replay,
-        'Replay many flight logs, each into a table; a second run goes on where this one ended.',
-        config=False,
-        among=batches,
-    )
-    logs.add_argument('pattern', nargs='+', help="logs, such as 'logs/**/*.mcap'")
-    logs.add_argument('--source', metavar='TOPIC', help='use this topic, not the best of each log')
-    _add_batch(logs)
-
+    cli_batch.add_commands(commands, command)
     command('models', _models, 'List the Dynamics family.', config=False)
     vehicles = command('vehicles', _vehicles, 'List the configured vehicles.')
     vehicles.add_argument('vehicle', nargs='*', help='tell all about these only')
@@ -152,27 +157,6 @@ def _add_output(sub: argparse.ArgumentParser, formats: tuple[str, ...], more: st
     )
 
 
-def _add_batch(sub: argparse.ArgumentParser) -> None:
-    sub.add_argument(
-        '-o',
-        '--output',
-        required=True,
-        metavar='DIR',
-        help='folder of the results and of the table of all, summary.parquet',
-    )
-    where = sub.add_mutually_exclusive_group()
-    where.add_argument(
-        '--workers', type=_count, metavar='N', help='processes; default: one for each core'
-    )
-    where.add_argument('--scheduler', metavar='ADDR', help='run on Dask, such as tcp://host:8786')
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or int(text) == 0:
-        raise argparse.ArgumentTypeError(f'{text!r} is not a number above 0')
-    return int(text)
-
-
 def _plan(arguments: argparse.Namespace) -> int:
     from .planning.plan_file import plan_document
     from .planning.planner import Planner
@@ -189,7 +173,7 @@ def _plan(arguments: argparse.Namespace) -> int:
         )
     document = plan_document(plan)
     for path in outputs:
-        export.write_flight(path, plan.trajectory, document)
+        export.write_flight(path, plan.trajectory, document, limits=problem.bounded())
     report = plan.report
     if arguments.json:
         print(json.dumps(document))
@@ -234,18 +218,17 @@ def _arc(arc: dict[str, Any]) -> str:
 def _sim(arguments: argparse.Namespace) -> int:
     from .planning.plan_file import read_plan
     from .simulation.scenario import RATE, load_scenario
-    from .simulation.simulator import Simulator, fly
-    from .vehicles.vehicle import load_vehicle
+    from .simulation.simulator import fly
 
     outputs = export.check_outputs(arguments.output, export.FLIGHT_FORMATS)
     planned = None
     if arguments.scenario.endswith('.json'):
         planned, document = read_plan(arguments.scenario)
-        model = load_vehicle(planned.vehicle, arguments.config_dir).model()
-        initial = {name: float(values[0]) for name, values in planned.states.items()}
-        simulator = Simulator(model, initial, planned, wind=document['wind_ned'])
+        simulator = _on_plan(arguments, planned, document)
         duration, rate = planned.duration, RATE
     else:
+        if arguments.track or arguments.set or arguments.gusts:
+            raise InputError('--track, --set and --gusts are for plans (.json)')
         scenario = load_scenario(arguments.scenario, arguments.config_dir)
         simulator, duration, rate = scenario.simulator(), scenario.duration, scenario.rate
     also_at = None if planned is None else planned.time
@@ -273,6 +256,31 @@ def _sim(arguments: argparse.Namespace) -> int:
             ]
         )
     return 0
+
+
+def _on_plan(
+    arguments: argparse.Namespace, planned: 'Trajectory', document: dict[str, Any]
+) -> 'Simulator':
+    """Return a simulator at the start of a plan, of the vehicle as it was set."""
+    from .control.tracker import track
+    from .dynamics.stage import WIND_STRENGTH
+    from .environment.wind_file import read_wind
+    from .simulation.gusts import Gusts
+    from .simulation.simulator import Simulator
+    from .vehicles.vehicle import load_vehicle
+
+    air = read_wind(document['wind'], f'{arguments.scenario}: wind')
+    wind, free = document['wind_ned'], WIND_STRENGTH in planned.states
+    believed, flown = (
+        load_vehicle(planned.vehicle, arguments.config_dir, settings).with_model(planned.model)
+        for settings in ((), arguments.set)
+    )
+    initial = {name: float(values[0]) for name, values in planned.states.items()}
+    controls: Any = planned
+    if arguments.track:
+        controls = track(believed, planned, model=believed.model(air, free_wind=free), wind=wind)
+    gusts = Gusts(arguments.gusts, arguments.seed) if arguments.gusts else None
+    return Simulator(flown.model(air, free_wind=free), initial, controls, wind=wind, gusts=gusts)
 
 
 def _models(arguments: argparse.Namespace) -> int:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from flightdyn.environment import surroundings_file
+from flightdyn.environment import surroundings_file, wind_file
 from flightdyn.environment.surroundings_file import read_surroundings
 from flightdyn.planning import problem_file
 from flightdyn.planning.objective import parse_objective
@@ -41,6 +41,15 @@ def test_the_objective_is_one() -> None:
     parse_objective(yaml.safe_load(short)['objective'], 'docs')
 
 
+def test_the_wind_is_one() -> None:
+    (short,) = (text for text in BLOCKS if list(yaml.safe_load(text)) == ['wind'])
+    wind = wind_file.read_wind(yaml.safe_load(short)['wind'], 'docs')
+    assert wind is not None
+    assert wind(1500.0, 0.0, -100.0, 0.0)[2] == pytest.approx(-3)
+    told = set(re.findall(r'^\| `(\w+)` \|', TEXT, re.MULTILINE))
+    assert set(wind_file.KEYS) <= told
+
+
 def test_the_surroundings_are_read(tmp_path: Path) -> None:
     line = np.array([0.0, 1000.0])
     np.savez(tmp_path / 'ridge.npz', x=line, y=line, height=np.zeros((2, 2)))
@@ -59,6 +68,7 @@ def test_the_surroundings_are_read(tmp_path: Path) -> None:
         *(surroundings_file.TERRAIN_KEYS, surroundings_file.KEEP_OUT_KEYS),
         *(surroundings_file.GATE_KEYS, surroundings_file.MARK_KEYS),
         *(buoyancy.KEYS, body_drag.KEYS, *(known for known, _ in vehicle.PROPULSION.values())),
+        *wind_file.KEYS.values(),
     ],
 )
 def test_every_key_is_told(keys: tuple[str, ...]) -> None:

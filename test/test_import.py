@@ -23,7 +23,19 @@ HEAVY = {
 LAYERS = [
     *('errors', 'units', 'numpy', 'files', 'config', 'frames', 'environment', 'resources'),
     *('trajectory', 'tables', 'dynamics', 'vehicles', 'logs', 'replay', 'simulation'),
-    *('planning', 'viewing', 'export', 'batch', 'batch_replay', 'console', 'cli_logs', 'cli'),
+    *(
+        'control',
+        'planning',
+        'viewing',
+        'export',
+        'batch',
+        'batch_replay',
+        'batch_plan',
+        'console',
+        'cli_logs',
+        'cli_batch',
+        'cli',
+    ),
     'nodes',
 ]
 

@@ -15,6 +15,8 @@ WIND_AT_20_FT = {
 }
 """Mean wind 20 ft above the ground [m/s], which sets the gusts near it."""
 
+SEVERITIES = tuple(WIND_AT_20_FT)
+
 # Intensity [ft/s] over altitude [ft] at which the standard's probability is exceeded: 1e-2 light,
 # 1e-3 moderate, 1e-5 severe. MIL-F-8785C, figure 7.
 _ALTITUDE = (500, 1750, 3750, 7500, 15e3, 25e3, 35e3, 45e3, 55e3, 65e3, 75e3, 80e3)

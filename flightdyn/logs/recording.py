@@ -1,11 +1,10 @@
 """Recordings that other tools can read: MCAP with ROS 2 messages and their definitions.
 
 A recorder that is killed leaves a readable file: chunks are small and reach the disk at least
-every half second while messages come in.
+every half second of the messages' own time. The same messages make the same file.
 """
 
 import threading
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
@@ -30,7 +29,7 @@ from .messages import (
 )
 
 MAX_CHUNK_BYTES = 60_000
-FLUSH_EVERY_S = 0.5
+FLUSH_EVERY_NS = 500_000_000
 
 _FOREVER = '{sec: 9223372036, nsec: 854775807}'
 
@@ -84,7 +83,7 @@ class McapRecorder:
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, tuple[int, str]] = {}
         self._sequence: dict[int, int] = {}
-        self._flushed = time.monotonic()
+        self._flushed: int | None = None  # log time [ns]
         self._finished = False
         self._writer.start(profile='ros2', library='flightdyn')
         self._writer.add_metadata('flightdyn', dict(metadata or {}))
@@ -141,14 +140,17 @@ class McapRecorder:
                 log_time_ns if publish_time_ns is None else publish_time_ns,
                 self._sequence[channel],
             )
-            if time.monotonic() - self._flushed >= FLUSH_EVERY_S:
-                self._flush()
+            if self._flushed is None:
+                self._flushed = log_time_ns
+            if abs(log_time_ns - self._flushed) >= FLUSH_EVERY_NS:
+                self._writer.flush()  # type: ignore[no-untyped-call]
+                self._flushed = log_time_ns
 
     def flush(self) -> None:
         """Write everything so far to the file; for a timer, when messages may stop coming."""
         with self._lock:
             if not self._finished:
-                self._flush()
+                self._writer.flush()  # type: ignore[no-untyped-call]
 
     def finish(self) -> None:
         """Write the index and close the file; nothing if that is done already."""
@@ -159,10 +161,6 @@ class McapRecorder:
                     self._writer.finish()  # type: ignore[no-untyped-call]
                 finally:
                     self._stream.close()
-
-    def _flush(self) -> None:
-        self._writer.flush()  # type: ignore[no-untyped-call]
-        self._flushed = time.monotonic()
 
     def _channel(self, topic: str, msgtype: str) -> int:
         if topic in self._channels:

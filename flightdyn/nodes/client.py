@@ -232,6 +232,11 @@ class PlanRequest:
         self._handle = handle
         self._result = handle.get_result_async()
 
+    @property
+    def is_done(self) -> bool:
+        """Whether the result is there."""
+        return bool(self._result.done())
+
     def cancel(self, timeout: float = TIMEOUT_S) -> bool:
         """Ask to stop; return whether the planner agreed."""
         response = Session.wait(self._handle.cancel_goal_async(), 'cancelling', timeout)
@@ -294,7 +299,9 @@ class PlannerClient:
             raise GoalRejected(f"the planner rejected '{problem}'; its log says why")
         return PlanRequest(handle)
 
-    def plan(self, problem: str, *, result_timeout: float | None = None, **kw: Any) -> PlanOutcome:
+    def plan(
+        self, problem: str = '', *, result_timeout: float | None = None, **kw: Any
+    ) -> PlanOutcome:
         """Send a goal and wait for its end; arguments as of `send`."""
         return self.send(problem, **kw).result(result_timeout)
 

@@ -20,8 +20,8 @@ from sensor_msgs.msg import Imu, NavSatFix, NavSatStatus
 from std_msgs.msg import Header
 
 from flightdyn_msgs.msg import PlanReport as PlanReportMsg
+from flightdyn_msgs.msg import SimEvent, VehicleState
 from flightdyn_msgs.msg import Trajectory as TrajectoryMsg
-from flightdyn_msgs.msg import VehicleState
 
 from .. import frames
 from ..environment.geodesy import GeodeticPoint, geodetic_from_ned
@@ -30,6 +30,7 @@ from ..logs.messages import kinematics
 from ..logs.messages import trajectory_from_message as trajectory_from_message
 from ..planning.report import PlanReport
 from ..trajectory import Columns, Trajectory
+from .sim_watch import Event
 
 Array = NDArray[np.float64]
 Motion = Mapping[str, float]
@@ -134,6 +135,20 @@ def bounds_from_msgs(items: Iterable[Any], what: str) -> dict[str, tuple[float, 
             from_message_unit(item.name, upper),
         )
     return result
+
+
+# Events. -----------------------------------------------------------------------------------------
+def event_msg(event: Event, ns: int) -> Any:
+    """Return an event of the simulator, whose instant is `ns`."""
+    return SimEvent(
+        header=header(ns, MAP_NED),
+        time=float(event.time),
+        kind=getattr(SimEvent, event.kind.upper()),
+        quantity=event.quantity,
+        value=to_message_unit(event.quantity, event.value),
+        limit=to_message_unit(event.quantity, event.limit),
+        message=event.message,
+    )
 
 
 # Plans. ------------------------------------------------------------------------------------------
@@ -295,39 +310,83 @@ def odometry_msg(
     return message
 
 
-def imu_msg(motion: Motion, ns: int, specific_force_b: Sequence[float]) -> Any:
+def imu_msg(
+    motion: Motion,
+    ns: int,
+    specific_force_b: Sequence[float],
+    std: tuple[float, float] = (0.0, 0.0),
+) -> Any:
     """Return what an IMU at the centre of gravity measures; level and at rest: +g up.
 
     Parameters
     ----------
     specific_force_b : x, y, z [m/s^2]
         Acceleration less gravity, body axes (FRD).
+    std : acceleration [m/s^2], angular rate [rad/s]
+        1-sigma of each axis; 0 means unknown.
     """
     x, y, z = specific_force_b
     message = Imu(header=header(ns, BASE_LINK))
     message.orientation = _orientation(motion)
     message.linear_acceleration = _vector(frames.flu_from_frd((x, y, z)))
+    for axis in range(3):
+        message.linear_acceleration_covariance[4 * axis] = float(std[0]) ** 2
+        message.angular_velocity_covariance[4 * axis] = float(std[1]) ** 2
     if any(math.isnan(motion[name]) for name in 'pqr'):
         message.angular_velocity_covariance[0] = _UNKNOWN
     message.angular_velocity = _vector(frames.flu_from_frd(_rates(motion)))
     return message
 
 
-def fix_msg(lat: float, lon: float, altitude: float, ns: int) -> Any:
-    """Return a NavSatFix of degrees and metres above the ellipsoid."""
+def fix_msg(
+    lat: float,
+    lon: float,
+    altitude: float,
+    ns: int,
+    *,
+    position_std: Sequence[float] | None = None,
+) -> Any:
+    """Return a NavSatFix of degrees and metres above the ellipsoid.
+
+    Parameters
+    ----------
+    position_std : north, east, down [m], optional
+        1-sigma for the covariance.
+    """
     message = NavSatFix(header=header(ns, GPS))
     message.status.status = NavSatStatus.STATUS_FIX
     message.status.service = NavSatStatus.SERVICE_GPS
     message.latitude, message.longitude = float(lat), float(lon)
     message.altitude = float(altitude)
     message.position_covariance_type = NavSatFix.COVARIANCE_TYPE_UNKNOWN
+    if position_std is not None:
+        north, east, down = position_std
+        # a variance has no sign: only the order of the axes changes
+        for row, std in enumerate(np.abs(frames.enu_from_ned((north, east, down)))):
+            message.position_covariance[4 * row] = float(std) ** 2
+        message.position_covariance_type = NavSatFix.COVARIANCE_TYPE_DIAGONAL_KNOWN
     return message
 
 
-def fix_of(motion: Motion, ns: int, origin: GeodeticPoint) -> Any:
-    """Return the NavSatFix of a position in the tangent plane at the origin."""
-    lat, lon, altitude = geodetic_from_ned(motion['x_e'], motion['y_e'], motion['z_e'], origin)
-    return fix_msg(float(lat), float(lon), float(altitude), ns)
+def fix_of(
+    motion: Motion,
+    ns: int,
+    origin: GeodeticPoint,
+    error: Sequence[float] = (0.0, 0.0, 0.0),
+    position_std: Sequence[float] | None = None,
+) -> Any:
+    """Return the NavSatFix of a position in the tangent plane at the origin.
+
+    Parameters
+    ----------
+    error, position_std : north, east, down [m]
+        By how much the fix is off, and 1-sigma of that.
+    """
+    north, east, down = (
+        motion[name] + off for name, off in zip(('x_e', 'y_e', 'z_e'), error, strict=True)
+    )
+    lat, lon, altitude = geodetic_from_ned(north, east, down, origin)
+    return fix_msg(float(lat), float(lon), float(altitude), ns, position_std=position_std)
 
 
 def transform_msg(motion: Motion, ns: int) -> Any:

@@ -4,22 +4,58 @@ Nothing of ROS is imported before `run`, so that a user without it reads a sente
 """
 
 import argparse
+import contextlib
 import importlib
 import os
 import signal
 import sys
 import threading
+import time
+from collections.abc import Iterator
 from typing import Any, NoReturn
 
-from ..errors import InputError
+from ..errors import FlightdynError, InputError
 
 WIND_DOWN_S = 0.8
 JOIN_S = 0.5
-TEARDOWN_S = 1.0
+END_S = 1.9  # after the signal
 
 
 class _Interrupted(KeyboardInterrupt):
-    """A signal to end, before the node was up."""
+    """A signal to end, before the node spins."""
+
+
+class _Signals:
+    """SIGINT and SIGTERM: they interrupt the main thread where that is safe, else they wait."""
+
+    def __init__(self) -> None:
+        self.stop = threading.Event()
+        self.interrupting = True
+        self._told = 0.0
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._take)
+
+    def _take(self, _number: int, _frame: Any) -> None:
+        self._told = self._told or time.monotonic()
+        self.stop.set()
+        if self.interrupting:
+            raise _Interrupted
+
+    @property
+    def left(self) -> float:
+        """How long the end may still take [s]; a little if that is over."""
+        return max(END_S - (time.monotonic() - self._told), 0.1) if self._told else END_S
+
+    @contextlib.contextmanager
+    def interrupt(self, interrupting: bool) -> Iterator[None]:
+        """Let signals interrupt the block or not; a signal of before interrupts at once."""
+        before, self.interrupting = self.interrupting, interrupting
+        try:
+            if interrupting and self.stop.is_set():
+                raise _Interrupted
+            yield
+        finally:
+            self.interrupting = before
 
 
 def run(name: str, module: str, node_class: str, description: str) -> int:
@@ -39,26 +75,34 @@ def run(name: str, module: str, node_class: str, description: str) -> int:
     int
         0 after a signal or a planned end, 2 after a user's mistake, which is one line on stderr.
     """
-    stop = threading.Event()
-    started = False
-
-    def on_signal(_number: int, _frame: Any) -> None:
-        if not started:
-            raise _Interrupted
-        stop.set()
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, on_signal)
+    signals = _Signals()
     try:
         require_ros()
         _parse(name, description)
-        session = _Session(importlib.import_module(f'flightdyn.nodes.{module}'), node_class, stop)
-        started = True
+        found = getattr(importlib.import_module(f'flightdyn.nodes.{module}'), node_class)
+        with signals.interrupt(False):
+            return _run(name, found, signals)
     except InputError as error:
         print(f'{name}: {error}', file=sys.stderr)
-        _leave(2)
+        return 2
     except _Interrupted:
-        _leave(0)
+        return 0
+
+
+def _run(name: str, node_class: Any, signals: _Signals) -> int:
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    try:
+        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+    except Exception as error:  # of many kinds: bad arguments, no folder for logs
+        raise _no_start(error) from None
+    try:
+        session = _Session(node_class(), signals)
+    except InputError as error:
+        error.__traceback__ = None  # it would keep what there is of the node
+        rclpy.try_shutdown()
+        raise
     return session.run()
 
 
@@ -116,46 +160,59 @@ def _leave(code: int) -> NoReturn:
 class _Session:
     """A node, and a thread that spins it: the main thread has to be free to take signals."""
 
-    def __init__(self, module: Any, node_class: str, stop: threading.Event) -> None:
-        import rclpy
+    def __init__(self, node: Any, signals: _Signals) -> None:
         from rclpy.executors import SingleThreadedExecutor
-        from rclpy.signals import SignalHandlerOptions
 
-        self._stop = stop
+        self._signals = signals
         self._failure: BaseException | None = None
-        try:
-            rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-        except Exception as error:  # of many kinds: bad arguments, no folder for logs
-            raise _no_start(error) from None
-        self._node = getattr(module, node_class)()
-        self._node.end = stop.set
+        self._node = node
+        self._node.end = signals.stop.set
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
         self._thread = threading.Thread(target=self._spin, name='spin', daemon=True)
 
     def run(self) -> int:
-        import rclpy
+        """Start the node, spin it until the end, and take everything down.
 
+        Raises
+        ------
+        InputError
+            If what was asked for at start cannot be; the node is down then.
+        """
+        try:
+            with self._signals.interrupt(True):
+                self._node.autostart()
+        except _Interrupted:
+            return self._end(0)
+        except InputError:
+            self._end(2)
+            raise
+        except FlightdynError as error:
+            self._node.get_logger().fatal(str(error))
+            return self._end(1)
         self._thread.start()
-        self._stop.wait()
+        self._signals.stop.wait()
         code = 0
         if self._failure is not None:
-            error = self._failure
-            self._node.get_logger().fatal(f'{type(error).__name__}: {error}')
+            failure = f'{type(self._failure).__name__}: {self._failure}'
+            self._node.get_logger().fatal(failure)
             code = 1
         self._node.wind_down(WIND_DOWN_S)
         self._executor.shutdown(timeout_sec=0)
         self._thread.join(JOIN_S)
-        self._node.close()
         if self._thread.is_alive():
             _leave(code)  # a callback is deep in native code: what it uses cannot be destroyed
+        return self._end(code)
+
+    def _end(self, code: int) -> int:
+        import rclpy
+
+        self._node.finalize()
         # What a killed peer left locked can hold the middleware up for good; no Python runs then.
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
-        signal.setitimer(signal.ITIMER_REAL, TEARDOWN_S)
+        signal.setitimer(signal.ITIMER_REAL, self._signals.left)
         self._node.destroy_node()
         rclpy.try_shutdown()
-        if self._node.is_busy():
-            _leave(code)  # Python cannot end while a solver runs
         return code
 
     def _spin(self) -> None:
@@ -168,4 +225,4 @@ class _Session:
         except BaseException as error:
             self._failure = error
         finally:
-            self._stop.set()
+            self._signals.stop.set()

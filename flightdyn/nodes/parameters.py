@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import Field, field, fields, is_dataclass, replace
+from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from typing import Any, TypeVar
 
 from rcl_interfaces.msg import (
@@ -29,6 +29,7 @@ def parameter(
     choices: tuple[str, ...] = (),
     length: int | None = None,
     read_only: bool = False,
+    unconfigured_only: bool = False,
 ) -> Any:
     """Return the field of a parameters dataclass.
 
@@ -42,6 +43,8 @@ def parameter(
         How many numbers an array holds.
     read_only : bool
         Can be given at start only.
+    unconfigured_only : bool
+        Takes effect when the node is configured, and cannot be set while it is.
     """
     return field(
         default=default,
@@ -51,7 +54,25 @@ def parameter(
             'choices': choices,
             'length': length,
             'read_only': read_only,
+            'unconfigured_only': unconfigured_only,
         },
+    )
+
+
+@dataclass(frozen=True)
+class NodeParameters:
+    """What every node has; the parameters of each derive from it."""
+
+    autostart: bool = parameter(
+        True,
+        'configure and activate the node at start; false leaves that to `ros2 lifecycle`',
+        read_only=True,
+    )
+    viewer: str = parameter(
+        '',
+        'rerun viewer to show everything in, such as rerun+http://127.0.0.1:9876/proxy; '
+        'empty for none',
+        unconfigured_only=True,
     )
 
 
@@ -98,6 +119,8 @@ class Parameters:
         A dataclass whose fields are made by `parameter`.
     on_change : function of the new values, optional
         Called after parameters were set.
+    is_configured : function returning a bool, optional
+        Whether parameters that are `unconfigured_only` are to be refused.
 
     Raises
     ------
@@ -106,11 +129,16 @@ class Parameters:
     """
 
     def __init__(
-        self, node: Any, kind: type[P], on_change: Callable[[P], None] | None = None
+        self,
+        node: Any,
+        kind: type[P],
+        on_change: Callable[[P], None] | None = None,
+        is_configured: Callable[[], bool] = lambda: False,
     ) -> None:
         assert is_dataclass(kind)
         self._fields = {item.name: item for item in fields(kind)}
         self._on_change = on_change
+        self._is_configured = is_configured
         given = {}
         for name, item in self._fields.items():
             default = list(item.default) if isinstance(item.default, tuple) else item.default
@@ -127,10 +155,20 @@ class Parameters:
         try:
             for p in parameters:
                 if p.name in self._fields:
-                    checked(self._fields[p.name], p.value)
+                    self._check_one(self._fields[p.name], p.value)
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
+
+    def _check_one(self, item: 'Field[Any]', value: Any) -> None:
+        value = checked(item, value)
+        if item.metadata['unconfigured_only'] and self._is_configured():
+            before = getattr(self.values, item.name)
+            if value != before:
+                raise InputError(
+                    f'parameter {item.name}: stays {before!r} while the node is configured: '
+                    'deactivate it and clean it up first'
+                )
 
     def _apply(self, parameters: Iterable[Parameter]) -> None:
         changes = {
@@ -150,10 +188,14 @@ def _descriptor(item: 'Field[Any]') -> ParameterDescriptor:
     )
     # `rate: 3` is an integer to ROS; a number is a number here, so types are checked above
     descriptor.dynamic_typing = isinstance(item.default, float | tuple)
+    constraints = []
     if item.metadata['choices']:
-        descriptor.additional_constraints = ' or '.join(item.metadata['choices'])
+        constraints.append(' or '.join(item.metadata['choices']))
     if item.metadata['length'] is not None:
-        descriptor.additional_constraints = f'{item.metadata["length"]} numbers'
+        constraints.append(f'{item.metadata["length"]} numbers')
+    if item.metadata['unconfigured_only']:
+        constraints.append('can be set only while the node is unconfigured')
+    descriptor.additional_constraints = '; '.join(constraints)
     if item.metadata['range'] is not None:
         lower, upper = item.metadata['range']
         if isinstance(item.default, float):

@@ -1,31 +1,104 @@
-"""Planning one goal after another on a thread of its own; no ROS."""
+"""The process that plans: it gets requests through a pipe and answers them in turn; no ROS.
 
-import queue
-import threading
+Solvers live here, and not in the node, so that the node answers whatever they do: CasADi holds the
+interpreter while it builds, and native code can neither be stopped nor survive its own crash. What
+was built stays for the requests to come. The pipe leads to the node that started the process, and
+to nobody else; when it closes, the process ends.
+"""
+
+import sys
 import time
+from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection
 from typing import Any
 
+import numpy as np
+
+from ..dynamics.stage import WIND
 from ..errors import FlightdynError, ResultCode
 from ..planning.planner import Planner
-from ..planning.problem import Problem
-from ..planning.report import Plan
+from ..planning.report import Plan, PlanReport
 from ..planning.solver import Iteration
+from ..trajectory import Trajectory
+from .receding import Horizon, ReplanRequest
+from .requests import (
+    EvaluateRequest,
+    PlanRequest,
+    configured_problems,
+    evaluate,
+    problem_of_request,
+)
 
 FEEDBACK_RATE = 500.0  # Hz, above what solvers do; a reader's queue of 10 overflows beyond
+MAX_NEAR = 32  # plans from which others of the same kind start
 
 Clock = Callable[[], float]
 
 
 @dataclass(frozen=True)
+class Call:
+    """A request of the node; the number is in every answer to it."""
+
+    number: int
+    kind: str
+    body: Any
+    config_dir: str = ''
+    warm_start: bool = True
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Asks for the end of a call under way."""
+
+    number: int
+
+
+@dataclass(frozen=True)
+class Ready:
+    """The first word of a process: it takes calls."""
+
+
+@dataclass(frozen=True)
+class Progressed:
+    """An iteration of a call under way."""
+
+    number: int
+    iteration: Iteration
+
+
+@dataclass(frozen=True)
 class Outcome:
-    """How a goal ended; `plan` is there unless it never got as far."""
+    """How a request ended.
+
+    Parameters
+    ----------
+    code : ResultCode
+    message : str
+    trajectory : Trajectory or None
+        The plan, or the last iterate: `report.converged` tells; with the wind among its outputs.
+    report : PlanReport or None
+    value : Any
+        What else was asked for.
+    fault : str
+        Type and place of an error in flightdyn itself.
+    """
 
     code: ResultCode
     message: str
-    plan: Plan | None = None
-    error: BaseException | None = None
+    trajectory: Trajectory | None = None
+    report: PlanReport | None = None
+    value: Any = None
+    fault: str = ''
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The last word on a call."""
+
+    number: int
+    outcome: Outcome
 
 
 class Progress:
@@ -73,108 +146,124 @@ class Progress:
             self._publish(waiting)
 
 
-class Job:
-    """One goal: the problem, whom to tell, and whether to stop."""
-
-    def __init__(
-        self,
-        problem: Problem,
-        *,
-        on_iteration: Callable[[Iteration], None],
-        on_done: Callable[[Outcome], None],
-    ) -> None:
-        self.problem = problem
-        self.progress = Progress(on_iteration)
-        self.on_done = on_done
-        self._reason: str | None = None
-
-    def stop(self, reason: str) -> None:
-        """Ask to end at the next iteration; the first reason counts."""
-        if self._reason is None:
-            self._reason = reason
-
-    def is_stopped(self) -> bool:
-        """Return whether it was asked to stop."""
-        return self._reason is not None
-
-    @property
-    def reason(self) -> str:
-        """Why it was asked to stop; empty if it was not."""
-        return self._reason or ''
-
-
 class PlanWorker:
-    """Plans jobs in their order, one at a time."""
+    """Answers calls that come through a pipe, one after the other.
 
-    def __init__(self, planner: Planner | None = None) -> None:
-        self._planner = Planner() if planner is None else planner
-        self._jobs: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
-        self._active: list[Job] = []
-        self._lock = threading.Lock()
-        self._idle = threading.Condition(self._lock)
-        # not to be waited for: a solver in native code cannot be stopped between iterations
-        self._thread = threading.Thread(target=self._run, name='plan', daemon=True)
-        self._thread.start()
+    Parameters
+    ----------
+    pipe : Connection
+        Takes `Call` and `Stop`, gives `Ready`, `Progressed` and `Answer`.
+    """
 
-    @property
-    def busy(self) -> bool:
-        """Whether a job runs or waits."""
-        with self._lock:
-            return bool(self._active)
+    def __init__(self, pipe: Connection, planner: Planner | None = None) -> None:
+        self._pipe = pipe
+        self._planner = planner or Planner()
+        self._plans: OrderedDict[str, Plan] = OrderedDict()
+        self._horizon: Horizon | None = None
+        self._call = Call(0, '', None)
+        self._stopped = False
+        self._kinds: dict[str, Callable[[Any], Outcome]] = {
+            'list': self._list,
+            'check': self._check,
+            'evaluate': self._evaluate,
+            'plan': self._plan,
+            'replan': self._replan,
+        }
 
-    def submit(self, job: Job, *, displace: bool = False) -> None:
-        """Queue a job; with `displace`, whatever runs or waits is stopped for it."""
-        with self._lock:
-            if displace:
-                for other in self._active:
-                    other.stop('displaced by a newer goal')
-            self._active.append(job)
-        self._jobs.put(job)
-
-    def stop(self, reason: str, timeout: float) -> bool:
-        """Stop all jobs and wait; return whether all ended in time."""
-        with self._lock:
-            for job in self._active:
-                job.stop(reason)
-            self._jobs.put(None)
-            return self._idle.wait_for(lambda: not self._active, timeout)
-
-    def _run(self) -> None:
-        while (job := self._jobs.get()) is not None:
-            outcome = self._plan(job)
-            with self._lock:
-                self._active.remove(job)
-                self._idle.notify_all()
-            job.on_done(outcome)
-
-    def _plan(self, job: Job) -> Outcome:
-        if job.is_stopped():
-            return Outcome(ResultCode.CANCELLED, f'{job.reason}; not begun')
+    def run(self) -> None:
+        """Answer calls until the other end of the pipe is closed."""
         try:
-            plan = self._planner.plan(
-                job.problem,
-                on_iteration=job.progress,
-                should_stop=job.is_stopped,
-            )
-            job.progress.flush()
+            self._pipe.send(Ready())
+            while True:
+                message = self._pipe.recv()
+                if isinstance(message, Call):
+                    self._call, self._stopped = message, False
+                    self._pipe.send(Answer(message.number, self._outcome(message)))
+        except (EOFError, OSError):
+            return
+
+    def _outcome(self, call: Call) -> Outcome:
+        try:
+            return self._kinds[call.kind](call.body)
         except FlightdynError as error:
             return Outcome(error.result_code, str(error))
-        except Exception as error:  # the goal ends with a code, the worker goes on
-            return Outcome(ResultCode.INTERNAL, f'{type(error).__name__}: {error}', error=error)
-        message = plan.report.message
-        if plan.report.code == ResultCode.CANCELLED and job.is_stopped():
-            message = f'{job.reason}; the last iterate is attached'
-        return Outcome(plan.report.code, message, plan)
+        except (EOFError, OSError):
+            raise
+        except Exception as error:  # the request ends with a code, the process goes on
+            said = f'{type(error).__name__}: {error}'
+            return Outcome(
+                ResultCode.INTERNAL, f'an error in flightdyn itself: {said}', fault=_place(error)
+            )
+
+    def _should_stop(self) -> bool:
+        while not self._stopped and self._pipe.poll():
+            message = self._pipe.recv()
+            self._stopped = isinstance(message, Stop) and message.number == self._call.number
+        return self._stopped
+
+    def _list(self, _body: None) -> Outcome:
+        return Outcome(ResultCode.SUCCESS, '', value=configured_problems(self._call.config_dir))
+
+    def _check(self, request: PlanRequest) -> Outcome:
+        problem = problem_of_request(request, self._call.config_dir)
+        said = f'{problem.name} with {problem.nodes} nodes'
+        return Outcome(ResultCode.SUCCESS, said, value=problem.max_wall_time)
+
+    def _evaluate(self, request: EvaluateRequest) -> Outcome:
+        return Outcome(ResultCode.SUCCESS, '', value=evaluate(request, self._call.config_dir))
+
+    def _plan(self, request: PlanRequest) -> Outcome:
+        problem = problem_of_request(request, self._call.config_dir)
+        progress = Progress(lambda i: self._pipe.send(Progressed(self._call.number, i)))
+        warm = self._call.warm_start and request.guess is None
+        plan = self._planner.plan(
+            problem,
+            near=self._plans.get(problem.name) if warm else None,
+            on_iteration=progress,
+            should_stop=self._should_stop,
+        )
+        progress.flush()
+        if plan.report.verified:
+            self._plans[problem.name] = plan
+            self._plans.move_to_end(problem.name)
+            while len(self._plans) > MAX_NEAR:
+                self._plans.popitem(last=False)
+        return outcome_of(plan)
+
+    def _replan(self, request: ReplanRequest) -> Outcome:
+        if self._horizon is None or self._horizon.differs(request):
+            self._horizon = Horizon(self._planner, request, self._call.config_dir)
+        plan = self._horizon.plan(request, self._should_stop)
+        return outcome_of(plan)
 
 
-def summary(outcome: Outcome) -> dict[str, Any]:
-    """Return figures of an outcome for people, as text."""
-    figures: dict[str, Any] = {'last code': outcome.code.name, 'last message': outcome.message}
-    if outcome.plan is not None:
-        report = outcome.plan.report
-        figures |= {
-            'last problem': outcome.plan.trajectory.problem,
-            'last iterations': report.iterations,
-            'last wall time [s]': f'{report.wall_s:.3f}',
-        }
-    return {key: str(value) for key, value in figures.items()}
+def outcome_of(plan: Plan) -> Outcome:
+    """Return what travels of a plan: all but what its solve was made of."""
+    return Outcome(plan.report.code, plan.report.message, with_wind(plan), plan.report)
+
+
+def with_wind(plan: Plan) -> Trajectory:
+    """Return the plan's trajectory with the wind among its outputs.
+
+    The message has no field for it, and who flies the plan needs the same air.
+    """
+    trajectory = plan.trajectory
+    wind = {
+        name: np.full(len(trajectory), float(value))
+        for name, value in zip(WIND, plan.wind_ned, strict=True)
+    }
+    return replace(trajectory, outputs={**trajectory.outputs, **wind})
+
+
+def _place(error: BaseException) -> str:
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    if trace is None:
+        return ''
+    return f'{trace.tb_frame.f_code.co_filename}:{trace.tb_lineno}'
+
+
+def main() -> None:
+    """Serve the pipe whose file descriptor is the first argument."""
+    PlanWorker(Connection(int(sys.argv[1]))).run()

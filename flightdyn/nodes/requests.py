@@ -1,83 +1,111 @@
-"""What clients ask of the planner, checked before any work is done."""
+"""What clients ask of the planner, as plain data, and checks that take the physics; no ROS."""
 
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..config import suggestion
 from ..dynamics.stage import Stage
 from ..errors import InputError
-from ..planning.problem import Problem
+from ..planning.problem import Bounds, Problem
 from ..planning.problem_file import load_problem
 from ..resources import find_config, list_configs
-from ..trajectory import Columns
+from ..trajectory import Columns, Trajectory
 from ..vehicles.vehicle import Vehicle, load_vehicle
-from .convert import (
-    bounds_from_msgs,
-    flat_table,
-    table,
-    trajectory_from_message,
-)
 
-MAX_GUESS = 100_000  # values of a guess; far above what the finest mesh takes
-MAX_POINTS = 100_000  # of one evaluation; a response of a few tens of MB
+Array = NDArray[np.float64]
+
 MAX_STAGES = 16
 
 
-def problem_of_goal(goal: Any, config_dir: str, max_wall_time: float) -> Problem:
-    """Return the problem that a PlanTrajectory goal asks for.
+@dataclass(frozen=True, kw_only=True)
+class PlanRequest:
+    """A goal of `PlanTrajectory` in the library's units; what is None stays as the problem says.
+
+    Parameters
+    ----------
+    problem : str
+        Name of a configured problem.
+    settings : sequence of 'KEY=VALUE'
+        Override entries of the problem's file.
+    most_wall_time : float
+        Limit of whatever the problem says [s].
+    """
+
+    problem: str
+    settings: tuple[str, ...] = ()
+    initial: Bounds = field(default_factory=dict)
+    final: Bounds = field(default_factory=dict)
+    path: Bounds = field(default_factory=dict)
+    duration: tuple[float, float] | None = None
+    wind_ned: tuple[float, ...] | None = None
+    guess: Trajectory | None = None
+    nodes: int | None = None
+    tolerance: float | None = None
+    max_wall_time: float | None = None
+    most_wall_time: float
+
+
+@dataclass(frozen=True)
+class EvaluateRequest:
+    """Points (n rows) at which a vehicle's model is asked for, in the library's units."""
+
+    vehicle: str
+    states: Columns
+    controls: Columns
+    wind_ned: tuple[float, ...] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Derivatives, per second, and outputs at those points, columns in the request's order."""
+
+    derivatives: Columns
+    outputs: Columns
+
+
+def problem_of_request(request: PlanRequest, config_dir: str) -> Problem:
+    """Return the problem that a request asks for.
 
     Parameters
     ----------
     config_dir : str
         Searched before the installed configuration; may be empty.
-    max_wall_time : float
-        Most that a goal may take [s].
 
     Raises
     ------
     InputError
-        If a name is unknown, or a value is malformed or over a limit.
+        If a name is unknown, or values contradict each other or what the vehicle can do.
     """
-    find_config('problems', goal.problem, config_dir)  # a name: paths are not opened for clients
-    problem = load_problem(goal.problem, (), config_dir)
-    changes: dict[str, Any] = {'max_wall_time': min(problem.max_wall_time, max_wall_time)}
-    if goal.duration_lower != 0 or goal.duration_upper != 0:
-        changes['duration'] = (float(goal.duration_lower), float(goal.duration_upper))
-    if len(goal.wind_ned):
-        changes['wind_ned'] = tuple(float(w) for w in goal.wind_ned)
-    if goal.nodes:
-        changes['nodes'] = int(goal.nodes)
-    if goal.tolerance != 0:
-        changes['tolerance'] = float(goal.tolerance)
-    if goal.max_wall_time != 0:
-        if goal.max_wall_time > max_wall_time:
-            raise InputError(
-                f"max_wall_time {goal.max_wall_time:g} s is over the planner's limit, "
-                f'{max_wall_time:g} s'
-            )
-        changes['max_wall_time'] = float(goal.max_wall_time)
-    if len(goal.guess.time):
-        changes['guess_trajectory'] = _guess(goal.guess, problem)
+    find_config('problems', request.problem, config_dir)  # a name: no client has paths opened
+    problem = load_problem(request.problem, request.settings, config_dir)
+    changes: dict[str, Any] = {
+        name: value
+        for name in ('duration', 'wind_ned', 'nodes', 'tolerance')
+        if (value := getattr(request, name)) is not None
+    }
+    wall_time = request.max_wall_time or min(problem.max_wall_time, request.most_wall_time)
+    if request.guess is not None:
+        model = problem.model
+        _check_guess('states', request.guess.states, model.states)
+        _check_guess('controls', request.guess.controls, tuple(model.controls))
+        changes['guess_trajectory'] = request.guess
     return problem.with_changes(
-        initial=bounds_from_msgs(goal.initial_bounds, 'initial_bounds'),
-        final=bounds_from_msgs(goal.final_bounds, 'final_bounds'),
-        path=bounds_from_msgs(goal.path_bounds, 'path_bounds'),
+        initial=request.initial,
+        final=request.final,
+        path=request.path,
+        max_wall_time=wall_time,
         **changes,
     )
 
 
-def _guess(message: Any, problem: Problem) -> Any:
-    sizes = [len(message.time), len(message.states), len(message.controls), len(message.outputs)]
-    if max(sizes) > MAX_GUESS:
-        raise InputError(f'guess: over {MAX_GUESS} values')
-    guess = trajectory_from_message(message)
-    model = problem.vehicle.model()
-    for group, known in (('states', model.states), ('controls', tuple(model.controls))):
-        for name in getattr(guess, group):
-            if name not in known:
-                raise InputError(f"guess: {group}: unknown '{name}'{suggestion(name, known)}")
-    return guess
+def _check_guess(group: str, given: Iterable[str], known: tuple[str, ...]) -> None:
+    for name in given:
+        if name not in known:
+            raise InputError(f"guess: {group}: unknown '{name}'{suggestion(name, known)}")
 
 
 def configured_problems(
@@ -95,33 +123,31 @@ def configured_problems(
     return rows, wrong
 
 
-def evaluate_model(request: Any, config_dir: str, response: Any) -> None:
-    """Fill an EvaluateModel response: derivatives and outputs at the request's points, no wind.
+def evaluate(request: EvaluateRequest, config_dir: str) -> Evaluation:
+    """Return derivatives and outputs of a vehicle's model at points.
 
     Raises
     ------
     InputError
-        If the vehicle or a name is unknown, one is missing, or sizes do not fit.
+        If the vehicle or a name is unknown, one is missing, or rows do not match.
     """
     vehicle = load_vehicle(request.vehicle, config_dir)
     stage = _stage(vehicle)
-    states = table(request.state_names, request.states, 'states')
-    controls = table(request.control_names, request.controls, 'controls')
-    _check_names(vehicle.name, 'states', tuple(states), stage.states)
-    _check_names(vehicle.name, 'controls', tuple(controls), stage.controls)
-    n = _size(states)
-    if stage.controls and _size(controls) != n:
-        raise InputError(f'{n} rows of states, {_size(controls)} of controls')
-    if not 1 <= n <= MAX_POINTS:
-        raise InputError(f'{n} points: must be 1 to {MAX_POINTS}')
-    x = np.array([states[name] for name in stage.states])
-    u = np.array([controls[name] for name in stage.controls]).reshape(-1, n)
-    dx, outputs = stage.function(x, u, np.zeros((stage.function.size1_in(2), n)))
+    _check_names(vehicle.name, 'states', tuple(request.states), stage.states)
+    _check_names(vehicle.name, 'controls', tuple(request.controls), stage.controls)
+    n = _size(request.states)
+    if n == 0 or (request.controls and _size(request.controls) != n):
+        raise InputError(f'{n} rows of states, {_size(request.controls)} of controls')
+    x = np.array([request.states[name] for name in stage.states])
+    u = np.array([request.controls[name] for name in stage.controls]).reshape(-1, n)
+    p = np.zeros((stage.function.size1_in(2), n))
+    p[: len(request.wind_ned)] = np.reshape(request.wind_ned, (-1, 1))
+    dx, outputs = stage.function(x, u, p)
     derivatives = dict(zip(stage.states, dx.full(), strict=True))
-    found = dict(zip(stage.outputs, outputs.full(), strict=True))
-    response.state_derivatives = flat_table({name: derivatives[name] for name in states})
-    response.output_names = list(found)
-    response.outputs = flat_table(found)
+    return Evaluation(
+        {name: derivatives[name] for name in request.states},
+        dict(zip(stage.outputs, outputs.full(), strict=True)),
+    )
 
 
 _stages: dict[str, Stage] = {}
@@ -137,10 +163,6 @@ def _stage(vehicle: Vehicle) -> Stage:
     return _stages[key]
 
 
-def _size(columns: Columns) -> int:
-    return next((int(values.size) for values in columns.values()), 0)
-
-
 def _check_names(vehicle: str, group: str, given: tuple[str, ...], known: tuple[str, ...]) -> None:
     for name in given:
         if name not in known:
@@ -148,3 +170,7 @@ def _check_names(vehicle: str, group: str, given: tuple[str, ...], known: tuple[
     missing = [name for name in known if name not in given]
     if missing:
         raise InputError(f'{vehicle}: {group}: missing {", ".join(missing)}')
+
+
+def _size(columns: Mapping[str, Array]) -> int:
+    return next((int(values.size) for values in columns.values()), 0)

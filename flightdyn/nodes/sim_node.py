@@ -1,10 +1,9 @@
 """The simulator node: flies plans and commands in simulated time and owns /clock."""
 
-import contextlib
 import importlib
+import math
 import time
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Iterable
 from typing import Any
 
 from nav_msgs.msg import Odometry
@@ -13,18 +12,20 @@ from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, NavSatFix
 
+from flightdyn_msgs.msg import SimEvent, VehicleState
 from flightdyn_msgs.msg import Trajectory as TrajectoryMsg
-from flightdyn_msgs.msg import VehicleState
-from flightdyn_msgs.srv import SetRate, Step
+from flightdyn_msgs.srv import Reset, SetRate, SetWind, Step
 
 from ..environment.geodesy import GeodeticPoint
 from ..errors import FlightdynError, InputError
-from ..logs.recording import McapRecorder
-from ..simulation.gusts import Gusts
-from ..vehicles.vehicle import load_vehicle
+from ..simulation.sensors import FixErrors, FixNoise, InertialErrors
+from ..trajectory import Trajectory
+from ..vehicles.vehicle import Vehicle, load_vehicle
 from .base import LATCHED, SENSOR, STATE, BaseNode
 from .convert import (
+    event_msg,
     fix_of,
+    from_message_unit,
     imu_msg,
     motion_of,
     odometry_msg,
@@ -34,169 +35,158 @@ from .convert import (
     trajectory_from_message,
     transform_msg,
 )
-from .parameters import Parameters, parameter
+from .diagnostics import Level, Status
 from .sim_core import Sample, SimCore
+from .sim_parameters import SimParameters, rules_of, setting_of, start_of
+from .sim_recording import Recording, recording_path
+from .sim_watch import Event
 
-FIX_RATE = 10.0  # Hz
 TICK_S = 0.002
 CLOCK_AT_REST_S = 0.1
 FLUSH_S = 0.5
+VIEW_S = 0.03
 PLAN_TOPIC = '/plan'
-"""Under which the plan that is flown is recorded, as in files that `flightdyn` writes."""
-
-
-@dataclass(frozen=True)
-class SimParameters:
-    vehicle: str = parameter(
-        'quadcopter', 'what commands fly, and plans that name no vehicle', read_only=True
-    )
-    rate: float = parameter(
-        200.0, 'samples per simulated second', unit='Hz', lower=1.0, upper=2000.0, read_only=True
-    )
-    real_time_factor: float = parameter(
-        1.0, 'simulated time over wall time; 0 is as fast as possible', lower=0.0, upper=1000.0
-    )
-    after_plan: str = parameter(
-        'pause',
-        "at a plan's end time stops, or goes on with the last controls held",
-        choices=('pause', 'hold'),
-    )
-    trajectory_topic: str = parameter(
-        'planner/trajectory',
-        'plans to fly, beside ~/trajectory; empty for none',
-        read_only=True,
-    )
-    wind_ned: tuple[float, ...] = parameter(
-        (0.0, 0.0, 0.0),
-        'where the air moves to (north, east, down), unless a plan says so itself',
-        unit='m/s',
-        length=3,
-        read_only=True,
-    )
-    gusts: str = parameter(
-        'none',
-        'Dryden turbulence on top of the wind',
-        choices=('none', 'light', 'moderate', 'severe'),
-        read_only=True,
-    )
-    gust_seed: int = parameter(
-        0, 'the same seed makes the same gusts', lower=0, upper=2**31 - 1, read_only=True
-    )
-    record: str = parameter(
-        '', 'MCAP file to record to; it is replaced; empty for none', read_only=True
-    )
-    config_dir: str = parameter(
-        '', 'folder with vehicles/ of your own, searched first; empty for none', read_only=True
-    )
-    origin_lat: float = parameter(
-        0.0, 'latitude of the local origin', unit='deg', lower=-90.0, upper=90.0, read_only=True
-    )
-    origin_lon: float = parameter(
-        0.0, 'longitude of the local origin', unit='deg', lower=-180.0, upper=180.0, read_only=True
-    )
-    origin_altitude: float = parameter(
-        0.0,
-        'altitude of the local origin above the ellipsoid',
-        unit='m',
-        lower=-1000.0,
-        upper=100000.0,
-        read_only=True,
-    )
+"""Under which the plans that are flown are recorded, as in files that `flightdyn` writes."""
+TRAJECTORY = 'flightdyn_msgs/msg/Trajectory'
+EVENTS = STATE  # reliable: none may be lost
+WARNED = ('limit_left', 'controls_timed_out', 'diverged')
 
 
 class SimNode(BaseNode):
     """Publishes what a SimCore flies, and records exactly that."""
 
     def __init__(self) -> None:
-        super().__init__('sim')
-        self.parameters = Parameters(self, SimParameters, self._on_parameters)
-        values = self.parameters.values
-        load_vehicle(values.vehicle, values.config_dir)
-        self._origin = GeodeticPoint(values.origin_lat, values.origin_lon, values.origin_altitude)
-        self._recorder: McapRecorder | None = None
-        self._recording_over = False
-        if values.record and not Path(values.record).absolute().parent.is_dir():
-            raise InputError(f'parameter record: there is no folder for {values.record}')
+        super().__init__('sim', SimParameters)
+        self._core: SimCore | None = None
+        self._message: Any = None  # the plan's
+        self._next_fix = 0  # in multiples of 1 / fix_rate
+        self._clock_publisher = self.advertise(Clock, '/clock', STATE)
         self._outgoing: dict[str, tuple[Any, str, str]] = {}
-        self._plan: Any = None
-        self._next_fix = 0
-        self._core = SimCore(
-            lambda name: load_vehicle(name, values.config_dir),
-            self._publish,
-            vehicle=values.vehicle,
-            rate=values.rate,
-            real_time_factor=values.real_time_factor,
-            after_plan=values.after_plan,
-            wind=values.wind_ned,
-            gusts=None
-            if values.gusts == 'none'
-            else Gusts(severity=values.gusts, seed=values.gust_seed),
-            epoch_ns=int(time.time()) * 10**9,
-            on_plan_end=self._on_plan_end,
-        )
-        self._clock_publisher = self.create_publisher(Clock, '/clock', STATE)
         for name, kind, topic, qos in (
             ('state', VehicleState, '~/state', STATE),
             ('odom', Odometry, 'odom', STATE),
             ('fix', NavSatFix, 'fix', SENSOR),
             ('imu', Imu, 'imu', SENSOR),
+            ('event', SimEvent, '~/event', EVENTS),
         ):
-            publisher = self.create_publisher(kind, topic, qos)
+            publisher = self.advertise(kind, topic, qos)
             package, _, _ = kind.__module__.partition('.')
-            self._outgoing[name] = (
-                publisher,
-                publisher.topic_name,
-                f'{package}/msg/{kind.__name__}',
-            )
+            msgtype = f'{package}/msg/{kind.__name__}'
+            self._outgoing[name] = publisher, publisher.topic_name, msgtype
         self._transforms = self._transform_publishers()
-        on_plan = self.guarded(self._on_plan)
-        self.create_subscription(TrajectoryMsg, '~/trajectory', on_plan, STATE)
-        if values.trajectory_topic:
-            self.create_subscription(TrajectoryMsg, values.trajectory_topic, on_plan, LATCHED)
-        self.create_subscription(
-            TrajectoryMsg, '~/controls', self.guarded(self._on_controls), STATE
-        )
-        self.serve_trigger('reset', self._reset)
+        self.subscribe(TrajectoryMsg, '~/trajectory', self._on_plan, STATE)
+        plans = self.parameters.values.trajectory_topic
+        if plans:
+            self.subscribe(TrajectoryMsg, plans, self._on_plan, LATCHED)
+        self.subscribe(TrajectoryMsg, '~/controls', self._on_controls, STATE)
+        self.serve(Reset, 'reset', self._reset)
         self.serve_trigger('pause', self._pause)
         self.serve_trigger('resume', self._resume)
         self.serve(Step, 'step', self._step)
         self.serve(SetRate, 'set_rate', self._set_rate)
-        self.every(TICK_S, self._core.tick)
+        self.serve(SetWind, 'set_wind', self._set_wind)
+        self.every(TICK_S, self._tick)
         self.every(CLOCK_AT_REST_S, self._publish_clock_at_rest)
-        if values.record:
-            self.every(FLUSH_S, self._flush)
-        self.get_logger().info('ready to fly')
+        self.every(FLUSH_S, self._flush)
+
+    # The life cycle. -----------------------------------------------------------------------------
+    def configure(self) -> None:
+        values = self.parameters.values
+        self._origin = GeodeticPoint(values.origin_lat, values.origin_lon, values.origin_altitude)
+        self._recording = Recording(
+            recording_path(values.record, values.record_root), self._on_recording_failure
+        )
+        self._fix_noise = FixNoise(values.fix_noise, values.fix_noise_time)
+        self._start_sensors()
+        epoch = time.time() if values.start_time < 0 else values.start_time
+        self._vehicles_of(values.vehicle)
+        self._core = SimCore(
+            self._vehicles_of,
+            setting_of(values),
+            self._publish,
+            self._on_event,
+            rate=values.rate,
+            epoch_ns=int(epoch) * 10**9,
+            rules=rules_of(values),
+            start=start_of(values),
+            ground_altitude=values.ground_altitude,
+        )
+        self._achieved = math.nan
+        self._measured = time.monotonic(), self._core.clock_ns
+        self._events, self._samples, self._viewed = 0, 0, 0.0
+
+    def activate(self) -> None:
+        core = self._flying()
+        if self._transforms is not None:
+            kind, _, static = self._transforms
+            static.publish(kind(transforms=static_transform_msgs(core.clock_ns)))
+        if core.run is None:
+            core.begin()
+        self.get_logger().info(f'ready to fly: {core.state}')
+
+    def clean_up(self) -> None:
+        if self._core is not None:
+            self._core = None
+            self._recording.finish()
+
+    def on_parameters(self, values: SimParameters) -> None:
+        if self._core is not None:
+            self._core.rules = rules_of(values)
+
+    def _vehicles_of(self, name: str) -> tuple[Vehicle, Vehicle]:
+        values = self.parameters.values
+        believed = load_vehicle(name, values.config_dir)
+        settings = values.vehicle_settings.split()
+        return believed, load_vehicle(name, values.config_dir, settings) if settings else believed
+
+    def _flying(self) -> SimCore:
+        assert self._core is not None  # what calls this works only while configured
+        return self._core
 
     # Incoming. -----------------------------------------------------------------------------------
     def _on_plan(self, message: Any) -> None:
         plan = trajectory_from_message(message)
-        before, self._plan = self._plan, message
+        core, before = self._flying(), self._message
+        self._message = message
+        joined = core.run is not None and core.rules.new_plan == 'join'
         try:
-            self._core.fly(plan)
+            core.fly(plan)
         except FlightdynError:
-            self._plan = before  # the run before goes on
+            self._message = before  # the run before goes on
             raise
-        self.get_logger().info(
-            f'flying a plan of {plan.duration:g} s for {plan.vehicle or "the vehicle"}'
-        )
+        if self.view is not None:
+            self.view.trajectory(plan)
+        if joined:
+            self._record_plan(core.clock_ns)
+            self.get_logger().debug(f'joining a plan of {plan.duration:.4g} s')
+        else:
+            name = plan.vehicle or self.parameters.values.vehicle
+            self.get_logger().info(f'{name} flies a plan of {plan.duration:.4g} s')
 
     def _on_controls(self, message: Any) -> None:
-        self._core.command(trajectory_from_message(message))
+        self._flying().command(trajectory_from_message(message))
 
-    def _reset(self) -> str:
-        self._core.reset()
-        return 'the run begins again'
+    def _reset(self, request: Any, response: Any) -> None:
+        names, values = list(request.state_names), list(request.states)
+        if len(names) != len(values):
+            raise InputError(f'{len(names)} state_names and {len(values)} states: give one each')
+        initial = {
+            name: from_message_unit(name, value) for name, value in zip(names, values, strict=True)
+        }
+        self._flying().reset(initial)
+        response.message = 'the run begins again'
 
     def _pause(self) -> str:
-        self._core.pause()
+        self._flying().pause()
         return 'paused'
 
     def _resume(self) -> str:
-        self._core.resume()
-        return 'running' if self._core.run else 'waiting for a plan or controls'
+        core = self._flying()
+        core.resume()
+        return core.state
 
     def _step(self, request: Any, _response: Any) -> None:
-        self._core.step(float(request.duration))
+        self._flying().step(float(request.duration))
 
     def _set_rate(self, request: Any, _response: Any) -> None:
         if not request.rate > 0:
@@ -206,17 +196,19 @@ class SimNode(BaseNode):
         if not result.successful:
             raise InputError(result.reason)
 
-    def _on_parameters(self, values: SimParameters) -> None:
-        self._core.after_plan = values.after_plan
-        self._core.real_time_factor = values.real_time_factor
+    def _set_wind(self, request: Any, _response: Any) -> None:
+        self._flying().set_wind([float(w) for w in request.wind_ned], request.gusts)
 
     # Outgoing. -----------------------------------------------------------------------------------
+    def _tick(self) -> None:
+        self._flying().tick()
+
     def _publish(self, sample: Sample) -> None:
         ns = sample.clock_ns
         self._clock_publisher.publish(Clock(clock=time_msg(ns)))
         if sample.time == 0.0:
-            self._next_fix = 0
-            self._begin_recording(sample)
+            self._begin_run(sample)
+        self._samples += 1
         motion = motion_of({**sample.outputs, **sample.controls, **sample.states})
         state = state_msg(
             motion,
@@ -229,79 +221,147 @@ class SimNode(BaseNode):
         )
         self._send('state', state, ns)
         self._send('odom', odometry_msg(motion, ns), ns)
-        self._send('imu', imu_msg(motion, ns, sample.specific_force_b), ns)
-        if sample.time >= self._next_fix / FIX_RATE - 1e-9:
-            self._next_fix = int(sample.time * FIX_RATE + 1e-9) + 1
-            self._send('fix', fix_of(motion, ns, self._origin), ns)
+        self._send_sensors(sample, motion)
         if self._transforms is not None:
-            kind, publisher = self._transforms
+            kind, publisher, _ = self._transforms
             publisher.publish(kind(transforms=[transform_msg(motion, ns)]))
+        if self.view is not None and time.monotonic() - self._viewed > VIEW_S:
+            self._viewed = time.monotonic()
+            self.view.sample(
+                sample.time,
+                sample.states,
+                vehicle=sample.vehicle,
+                controls=sample.controls,
+                outputs=sample.outputs,
+            )
+
+    def _send_sensors(self, sample: Sample, motion: dict[str, float]) -> None:
+        values, ns = self.parameters.values, sample.clock_ns
+        force, rates = self._imu_errors.next()
+        measured = {**motion, **{n: motion[n] + e for n, e in zip('pqr', rates, strict=True)}}
+        x, y, z = sample.specific_force_b + force
+        self._send('imu', imu_msg(measured, ns, (x, y, z), values.imu_noise), ns)
+        if sample.time >= self._next_fix / values.fix_rate - 1e-9:
+            self._next_fix = int(sample.time * values.fix_rate + 1e-9) + 1
+            error, std = self._fix_errors.next(sample.time), self._fix_noise.std
+            known = std if any(std) else None
+            self._send('fix', fix_of(motion, ns, self._origin, error, known), ns)
 
     def _send(self, name: str, message: Any, ns: int) -> None:
         publisher, topic, msgtype = self._outgoing[name]
-        if self._recorder is None:
-            publisher.publish(message)
-        else:
+        if self._recording.is_on:
             data = serialize_message(message)
             publisher.publish(data)
-            self._record(topic, msgtype, data, ns)
+            self._recording.write(topic, msgtype, data, ns)
+        else:
+            publisher.publish(message)
+
+    def _on_event(self, event: Event) -> None:
+        core = self._flying()
+        self._events += 1
+        ns = core.at(event.time)
+        self._send('event', event_msg(event, ns), ns)
+        log = self.get_logger()
+        (log.warning if event.kind in WARNED else log.info)(event.message)
+        if event.kind == 'plan_ended':
+            self._flush_at_rest()
 
     def _publish_clock_at_rest(self) -> None:
         """Show the clock while it stands: whoever starts now would else wait for it."""
-        if self._core.run is None or self._core.is_paused:
-            self._clock_publisher.publish(Clock(clock=time_msg(self._core.clock_ns)))
+        core = self._flying()
+        if core.run is None or core.is_paused:
+            self._clock_publisher.publish(Clock(clock=time_msg(core.clock_ns)))
 
-    def _transform_publishers(self) -> tuple[Any, Any] | None:
-        """Publish the fixed transforms; None where tf2's messages are not installed."""
+    def _transform_publishers(self) -> tuple[Any, Any, Any] | None:
+        """Return tf2's message and two publishers; None where it is not installed."""
         try:
             kind = importlib.import_module('tf2_msgs.msg').TFMessage
         except ImportError:
             self.get_logger().info('tf2_msgs is not installed: no transforms')
             return None
-        self._static = self.create_publisher(kind, '/tf_static', LATCHED)
-        self._static.publish(kind(transforms=static_transform_msgs(self._core.clock_ns)))
-        return kind, self.create_publisher(kind, '/tf', 100)
+        dynamic = self.advertise(kind, '/tf', STATE)
+        return kind, dynamic, self.advertise(kind, '/tf_static', LATCHED)
 
     # Recording. ----------------------------------------------------------------------------------
-    def _begin_recording(self, sample: Sample) -> None:
-        run, values = self._core.run, self.parameters.values
-        if not values.record or run is None or self._recording_over:
-            return
-        if self._recorder is None:
-            self._recorder = McapRecorder(
-                values.record,
-                {
-                    'vehicle': sample.vehicle,
-                    'model': sample.model,
-                    'problem': run.problem,
-                    'origin_lat': repr(self._origin.lat),
-                    'origin_lon': repr(self._origin.lon),
-                    'origin_altitude': repr(self._origin.altitude),
-                },
-            )
-        if self._plan is not None:
-            self._plan.header.stamp = time_msg(sample.clock_ns)
-            data = serialize_message(self._plan)
-            self._record(PLAN_TOPIC, 'flightdyn_msgs/msg/Trajectory', data, sample.clock_ns)
+    def _begin_run(self, sample: Sample) -> None:
+        """Start the sensors, and the recording with what it holds of the run."""
+        self._start_sensors()
+        plan = self._planned()
+        self._recording.begin(
+            {
+                'vehicle': sample.vehicle,
+                'model': sample.model,
+                'problem': '' if plan is None else plan.problem,
+                'origin_lat': repr(self._origin.lat),
+                'origin_lon': repr(self._origin.lon),
+                'origin_altitude': repr(self._origin.altitude),
+            }
+        )
+        if plan is not None and self._message is not None:
+            self._message.header.stamp = time_msg(sample.clock_ns)
+            self._record_plan(sample.clock_ns)
 
-    def _record(self, topic: str, msgtype: str, data: bytes, ns: int) -> None:
-        assert self._recorder is not None
-        try:
-            self._recorder.write(topic, msgtype, data, ns)
-        except OSError as error:  # a full disk must not stop the flight
-            self.get_logger().error(f'recording ends here: {error}')
-            with contextlib.suppress(OSError):
-                self._recorder.finish()
-            self._recorder, self._recording_over = None, True
+    def _start_sensors(self) -> None:
+        values = self.parameters.values
+        accelerometer, gyro = values.imu_noise
+        self._next_fix = 0
+        self._fix_errors: FixErrors = FixErrors(self._fix_noise, (values.seed, 1))
+        self._imu_errors: InertialErrors = InertialErrors(accelerometer, gyro, (values.seed, 2))
 
-    def _on_plan_end(self) -> None:
-        self._flush()
-        self.get_logger().info('end of the plan')
+    def _planned(self) -> Trajectory | None:
+        run = self._flying().run
+        return None if run is None else run.plan
+
+    def _record_plan(self, ns: int) -> None:
+        if self._recording.is_on:
+            data = serialize_message(self._message)
+            self._recording.write(PLAN_TOPIC, TRAJECTORY, data, ns)
+
+    def _on_recording_failure(self, message: str) -> None:
+        self.get_logger().error(message)
+        core = self._flying() if self._core is not None else None
+        if core is not None and core.run is not None:
+            self._on_event(Event('recording_ended', core.run.simulator.time, message))
 
     def _flush(self) -> None:
-        if self._recorder is not None:
-            self._recorder.flush()
+        """Let what is recorded reach the disk.
 
-    def close(self) -> None:
-        if self._recorder is not None:
-            self._recorder.finish()
+        As fast as possible, the recorder's own rule does: there a recording depends on nothing
+        but what is in it.
+        """
+        core = self._flying()
+        if core.is_paused or core.rules.real_time_factor > 0:
+            self._flush_at_rest()
+
+    def _flush_at_rest(self) -> None:
+        self._recording.flush()
+
+    # Diagnostics. --------------------------------------------------------------------------------
+    def diagnose(self) -> Iterable[Status]:
+        core = self._core
+        if core is None:
+            return
+        wall, ns = time.monotonic(), core.clock_ns
+        passed = wall - self._measured[0]
+        if passed > 0:
+            self._achieved = (ns - self._measured[1]) / 1e9 / passed
+        self._measured = wall, ns
+        wanted = core.rules.real_time_factor
+        slow = not core.is_paused and core.run is not None and self._achieved < 0.9 * wanted
+        values = {
+            'run time [s]': 0.0 if core.run is None else float(core.run.simulator.time),
+            'real-time factor': float(self._achieved),
+            'real-time factor wanted': float(wanted),
+            'samples': self._samples,
+            'events': self._events,
+            'age of the plan [s]': core.plan_age,
+        }
+        message = f'{core.state}, slower than wanted' if slow else core.state
+        yield Status('simulation', message, Level.WARN if slow else Level.OK, values)
+        failed = self._recording.state == 'failed'
+        yield Status(
+            'recording',
+            self._recording.state,
+            Level.ERROR if failed else Level.OK,
+            {'file': self._recording.path or ''},
+        )

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..environment.wind_file import wind_document
 from ..errors import InputError
 from ..trajectory import Trajectory
 from .report import Plan
@@ -15,7 +16,7 @@ KEYS = (
     *('problem', 'vehicle', 'model', 'converged', 'verified', 'status', 'message', 'objective'),
     *('final_time', 'iterations', 'wall_s', 'build_s', 'nodes', 'transcription', 'verification'),
     *('constraint_violation', 'warnings', 'arcs', 'remedies', 'missed', 'optima', 'alternatives'),
-    *('control_interpolation', 'wind_ned', 'surroundings'),
+    *('control_interpolation', 'wind_ned', 'wind', 'surroundings'),
     *('time', 'states', 'controls', 'outputs'),
 )
 
@@ -31,6 +32,7 @@ def plan_document(plan: Plan) -> dict[str, Any]:
         'model': trajectory.model,
         'control_interpolation': trajectory.control_interpolation,
         'wind_ned': list(plan.wind_ned),
+        'wind': wind_document(plan.wind),
         'surroundings': plan.surroundings.to_dict(),
         'optima': [
             {'objective': each.report.objective, 'final_time': each.report.final_time}

@@ -11,8 +11,10 @@ import numpy as np
 from ..config import (
     suggestion,
 )
-from ..dynamics.stage import KINEMATICS, Model, Stage
+from ..dynamics.stage import KINEMATICS, WIND_STRENGTH, Model, Stage
 from ..environment.surroundings import NOTHING, Surroundings
+from ..environment.wind import Wind
+from ..environment.wind_file import wind_document
 from ..errors import InputError
 from ..trajectory import Trajectory
 from ..vehicles.vehicle import Vehicle
@@ -35,6 +37,7 @@ MAX_NODES = 5000
 UNBOUNDED = (-math.inf, math.inf)
 MAX_PHASES = 50
 MAX_STARTS = 1000
+MAX_SUBSTEPS = 16
 CHOICES: Mapping[str, tuple[str, ...]] = {
     'control_interpolation': CONTROL_INTERPOLATIONS,
     'transcription': ('auto', *METHODS),
@@ -59,12 +62,18 @@ class Problem:
         What is not named is free. `altitude` stands for -z_e here and below, and is kept as z_e.
     path : mapping of state, control or output name to (lower, upper)
         Hold at every node, beside the vehicle's own limits.
+    change : mapping of state or control name to (lower, upper)
+        By how much the end is off the beginning: 0 for what is periodic. That of `altitude` is up.
     guess : mapping of state or control name to values
         A storyboard: points in equal steps over the duration, linear between.
     guess_trajectory : Trajectory or None
         A guess instead of the storyboard, stretched to the guessed duration.
     wind_ned : x, y, z [m/s]
-        Where the air moves to.
+        Where the air moves to everywhere.
+    wind : Wind or None
+        What it does beside, by place; one that `environment.wind_file` can write.
+    wind_strength : lower, upper, or None
+        A factor on `wind`, then a state named like this, to be found within the range.
     surroundings : Surroundings
         Terrain and volumes are kept clear of; gates are flown through in their order, each the
         end of a phase that is made for it, see `gates`.
@@ -78,6 +87,8 @@ class Problem:
         By itself multiple shooting for held controls, Radau collocation for linear ones.
     spacing : 'uniform', 'cosine', or pairs, see `mesh.spaced`
         Of the first mesh.
+    substeps : int
+        Steps of RK4 in each interval of the first mesh, if it is of multiple shooting.
     multistart : int
         How many guesses plans start from, see `Planner.plan`.
     refine : bool
@@ -110,15 +121,19 @@ class Problem:
     initial: Bounds
     final: Bounds
     path: Bounds = field(default_factory=dict)
+    change: Bounds = field(default_factory=dict)
     guess: Mapping[str, Sequence[float]] = field(default_factory=dict)
     guess_trajectory: Trajectory | None = None
     wind_ned: Sequence[float] = (0.0, 0.0, 0.0)
+    wind: Wind | None = None
+    wind_strength: tuple[float, float] | None = None
     surroundings: Surroundings = NOTHING
     phases: Sequence[Phase] = ()
     nodes: int = 80
     control_interpolation: ControlInterpolation = 'previous'
     transcription: Method | Literal['auto'] = 'auto'
     spacing: Spacing = 'uniform'
+    substeps: int = 1
     multistart: int = 1
     refine: bool = True
     sharpen: bool = True
@@ -128,12 +143,14 @@ class Problem:
     aside: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
-        for group in ('initial', 'final', 'path'):
+        for group in ('initial', 'final', 'path', 'change'):
             object.__setattr__(self, group, self._down(group, getattr(self, group)))
+        self._check_wind()
         object.__setattr__(self, 'guess', self._down_guess('guess', self.guess))
         if self.surroundings:
             self._enter_surroundings()
         self._check_phases()
+        self._check_change()
         for where, leg in zip(self._places, self.legs, strict=True):
             for group in ('path', 'initial', 'final'):
                 self._check_bounds(f'{where}{group}', getattr(leg, group), leg)
@@ -144,10 +161,6 @@ class Problem:
             raise InputError(
                 f'{self.name}: duration [{lower:g}, {upper:g}] s must be positive, finite and in '
                 'order'
-            )
-        if len(self.wind_ned) != 3 or not all(math.isfinite(w) for w in self.wind_ned):
-            raise InputError(
-                f'{self.name}: wind_ned must be three finite numbers, got {list(self.wind_ned)}'
             )
         for key, known in CHOICES.items():
             if getattr(self, key) not in known:
@@ -160,6 +173,10 @@ class Problem:
                 raise InputError(f'{self.name}: {key}: must be true or false')
         if not 1 <= self.nodes <= MAX_NODES:
             raise InputError(f'{self.name}: nodes must be 1 to {MAX_NODES}, got {self.nodes}')
+        if not 1 <= self.substeps <= MAX_SUBSTEPS:
+            raise InputError(
+                f'{self.name}: substeps must be 1 to {MAX_SUBSTEPS}, got {self.substeps}'
+            )
         if not 1 <= self.multistart <= MAX_STARTS:
             raise InputError(
                 f'{self.name}: multistart must be 1 to {MAX_STARTS}, got {self.multistart}'
@@ -179,8 +196,9 @@ class Problem:
 
     @cached_property
     def model(self) -> Model:
-        """The vehicle's physics, in the surroundings of the problem."""
-        return replace(self.vehicle.model(), surroundings=self.surroundings)
+        """The vehicle's physics, in the wind and the surroundings of the problem."""
+        model = self.vehicle.model(self.wind, free_wind=self.wind_strength is not None)
+        return replace(model, surroundings=self.surroundings)
 
     @cached_property
     def stage(self) -> Stage:
@@ -190,7 +208,32 @@ class Problem:
     @cached_property
     def physics(self) -> str:
         """What tells this problem's stage from others."""
-        return f'{self.vehicle!r} {self.surroundings!r}'
+        wind = wind_document(self.wind), self.wind_strength is not None
+        return f'{self.vehicle!r} {wind} {self.surroundings!r}'
+
+    def _check_wind(self) -> None:
+        if len(self.wind_ned) != 3 or not all(math.isfinite(w) for w in self.wind_ned):
+            raise InputError(
+                f'{self.name}: wind_ned must be three finite numbers, got {list(self.wind_ned)}'
+            )
+        wind_document(self.wind)
+        if self.wind_strength is not None:
+            if self.wind is None:
+                raise InputError(f'{self.name}: wind_strength: there is no wind to multiply')
+            lower, upper = self.wind_strength
+            if not lower <= upper:
+                raise InputError(
+                    f'{self.name}: wind_strength: [{lower:g}, {upper:g}] is not a range'
+                )
+
+    def _check_change(self) -> None:
+        model = self.model
+        for name, (lower, upper) in self.change.items():
+            self._check_name('change', name, (*model.states, *model.controls))
+            if not lower <= upper:
+                raise InputError(
+                    f'{self.name}: change.{name}: [{lower:g}, {upper:g}] is not a range'
+                )
 
     def _enter_surroundings(self) -> None:
         """Check the problem against its surroundings, and make phases of gates."""
@@ -393,6 +436,8 @@ class Problem:
     def _own(self) -> dict[str, tuple[float, float]]:
         """What the vehicle can do and stand, and where its aerodynamics are known."""
         found: dict[str, tuple[float, float]] = {}
+        if self.wind_strength is not None:
+            found[WIND_STRENGTH] = self.wind_strength
         for group in (self.model.controls, self.vehicle.limits, self.vehicle.box):
             for name, given in self._down('limits', group).items():
                 found[name] = _common(found.get(name, UNBOUNDED), given)
@@ -485,7 +530,7 @@ _stages: dict[str, Stage] = {}
 
 
 def _stage(key: str, model: Model) -> Stage:
-    """Return the traced model; traced again only when vehicle or surroundings have changed."""
+    """Return the traced model; traced again only when it has changed, which its key tells."""
     stage = _stages.get(key)
     if stage is None:
         stage = model.stage()

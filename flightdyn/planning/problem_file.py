@@ -5,26 +5,24 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..config import check_keys, load_yaml, number, parse_yaml, text, whole_number
+from ..config import apply_setting, bounds, check_keys, load_yaml, number, text, whole_number
 from ..environment.geodesy import GeodeticPoint
 from ..environment.surroundings_file import KEYS as SURROUNDINGS
 from ..environment.surroundings_file import read_surroundings
+from ..environment.wind_file import read_wind
 from ..errors import InputError
 from ..resources import find_config
 from ..vehicles.fields import IN_DEGREES, in_degrees, named_bounds
 from ..vehicles.vehicle import Vehicle, load_vehicle
 from .objective import parse_objective
-from .problem import CHOICES, MAX_NODES, MAX_STARTS, Phase, Problem
+from .problem import CHOICES, MAX_NODES, MAX_STARTS, MAX_SUBSTEPS, Phase, Problem
 
 CONDITIONS = ('duration', 'initial', 'final', 'path', 'guess', 'nodes')
 KEYS = (
     *('description', 'vehicle', 'model', 'objective', 'phases', *CONDITIONS),
-    *('wind_ned', 'control_interpolation', 'transcription', 'spacing', 'refine', 'sharpen'),
-    'multistart',
-    *('tolerance', 'max_wall_time'),
-    *SURROUNDINGS,
-    'origin',
-    'alternatives',
+    *('change', 'wind_ned', 'wind', 'wind_strength', 'control_interpolation', 'transcription'),
+    *('spacing', 'substeps', 'refine', 'sharpen', 'multistart', 'tolerance', 'max_wall_time'),
+    *(*SURROUNDINGS, 'origin', 'alternatives'),
 )
 
 
@@ -39,7 +37,8 @@ def load_problem(
     Parameters
     ----------
     settings : sequence of 'KEY=VALUE'
-        Override entries of the file; KEY may go down with dots (`final.x_e=2`), VALUE is YAML.
+        Override entries of the file; KEY may go down with dots (`final.x_e=2`) and to one of
+        several values (`wind_ned[0]=-5`), VALUE is YAML.
 
     Raises
     ------
@@ -54,21 +53,8 @@ def load_problem(
     )
     document = load_yaml(path)
     for setting in settings:
-        _apply(document, setting)
+        apply_setting(document, setting, {'wind_ned': [0, 0, 0]})
     return _problem(path, check_keys(document, KEYS, str(path)), config_dir)
-
-
-def _apply(document: dict[str, Any], setting: str) -> None:
-    key, equals, value = setting.partition('=')
-    if not equals or not key:
-        raise InputError(f"--set {setting}: expected KEY=VALUE, such as 'final.x_e=2'")
-    *parents, last = key.split('.')
-    node: Any = document
-    for parent in parents:
-        node = node.setdefault(parent, {})
-        if not isinstance(node, dict):
-            raise InputError(f'--set {setting}: {parent} is not a mapping')
-    node[last] = parse_yaml(value, f'--set {setting}')
 
 
 def _problem(path: Path, document: dict[str, Any], config_dir: str | Path | None) -> Problem:
@@ -116,12 +102,15 @@ def _single(path: Path, document: dict[str, Any], config_dir: str | Path | None)
     chosen = {
         key: document[key] for key in (*CHOICES, 'spacing', 'refine', 'sharpen') if key in document
     }
-    if 'multistart' in document:
-        chosen['multistart'] = whole_number(
-            document['multistart'], f'{path}: multistart', lower=1, upper=MAX_STARTS
-        )
+    for key, most in (('substeps', MAX_SUBSTEPS), ('multistart', MAX_STARTS)):
+        if key in document:
+            chosen[key] = whole_number(document[key], f'{path}: {key}', lower=1, upper=most)
     for key in ('tolerance', 'max_wall_time'):
         chosen[key] = number(document.get(key, defaults[key].default), f'{path}: {key}')
+    if 'wind' in document:
+        chosen['wind'] = read_wind(document['wind'], f'{path}: wind')
+    if 'wind_strength' in document:
+        chosen['wind_strength'] = bounds(document['wind_strength'], f'{path}: wind_strength')
     return Problem(
         name=path.stem,
         vehicle=_vehicle(path, document, config_dir),
@@ -129,6 +118,7 @@ def _single(path: Path, document: dict[str, Any], config_dir: str | Path | None)
         objective=parse_objective(document.get('objective', 'time'), f'{path}: objective'),
         phases=phases,
         wind_ned=tuple(number(w, f'{path}: wind_ned') for w in wind),
+        change=_bounds(document, 'change', str(path)),
         surroundings=read_surroundings(
             {key: document[key] for key in SURROUNDINGS if key in document},
             str(path),
@@ -144,18 +134,10 @@ def _conditions(
     document: Mapping[str, Any], where: str, phases: Sequence[Phase] = ()
 ) -> dict[str, Any]:
     """Return what a problem and a phase have in common, as arguments of either."""
-
-    def named(key: str) -> dict[str, Any]:
-        value = document.get(key, {})
-        if not isinstance(value, Mapping):
-            raise InputError(f'{where}: {key}: expected names and values, got {value!r}')
-        return {str(k): v for k, v in value.items()}
-
-    found: dict[str, Any] = {
-        group: {k: named_bounds(k, v, f'{where}: {group}.{k}') for k, v in named(group).items()}
-        for group in ('initial', 'final', 'path')
-    }
-    found['guess'] = {k: _points(k, v, f'{where}: guess.{k}') for k, v in named('guess').items()}
+    groups = ('initial', 'final', 'path')
+    found: dict[str, Any] = {group: _bounds(document, group, where) for group in groups}
+    story = _named(document, 'guess', where)
+    found['guess'] = {k: _points(k, v, f'{where}: guess.{k}') for k, v in story.items()}
     if 'nodes' in document:
         found['nodes'] = whole_number(
             document['nodes'], f'{where}: nodes', lower=1, upper=MAX_NODES
@@ -168,6 +150,18 @@ def _conditions(
         lower, upper = (sum(phase.duration[i] for phase in phases) for i in range(2))
         guess = sum(phase.duration_guess for phase in phases)
     return {**found, 'duration': (lower, upper), 'duration_guess': guess}
+
+
+def _named(document: Mapping[str, Any], key: str, where: str) -> dict[str, Any]:
+    value = document.get(key, {})
+    if not isinstance(value, Mapping):
+        raise InputError(f'{where}: {key}: expected names and values, got {value!r}')
+    return {str(k): v for k, v in value.items()}
+
+
+def _bounds(document: Mapping[str, Any], key: str, where: str) -> dict[str, Any]:
+    given = _named(document, key, where)
+    return {k: named_bounds(k, v, f'{where}: {key}.{k}') for k, v in given.items()}
 
 
 def _phases(value: Any, where: str) -> list[Phase]:

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,10 +17,10 @@ from .layout import Layout, Structure
 from .mesh import Mesh
 from .problem import Problem
 from .programme import Attempt, Programmes
-from .refinement import finer, resampled, strategy_of
+from .refinement import finer, first_mesh, resampled, strategy_of
 from .report import Plan, PlanReport, message_of, trajectory_of
 from .samples import JUMP, Path, between, path
-from .solver import Multipliers, OnIteration
+from .solver import Iteration, Multipliers, OnIteration
 from .transcription import Transcription
 from .verify import Verification, compare, overshoots, refly
 
@@ -27,7 +28,9 @@ Array = NDArray[np.float64]
 
 MAX_REFINEMENTS = 8
 MAX_SHARPENINGS = 4
-INTERVALS_IN_ARC = 4
+INTERVALS_IN_ARC = 5
+COARSE = 0.05  # of an objective: how far off it a plan may be that is off when flown again
+MAX_WARM = 60  # iterations from an earlier plan; one that needs more is not near
 
 
 @dataclass(frozen=True)
@@ -110,11 +113,50 @@ class Run:
                 strategy=strategy or strategy_of(problem, mesh),
                 multipliers=multipliers,
                 most_iterations=most_iterations,
-                on_iteration=self.on_iteration,
+                on_iteration=self._watched(problem, programme.layout),
                 should_stop=self.should_stop,
             )
             self.iterations += attempt.solution.iterations
             return self._check(attempt, programme.transcription)
+
+    def first(self) -> Checked:
+        """Return what the problem gives on its first mesh, roughly if it may be bang-bang.
+
+        Its arcs are seen long before a solve has converged, and are planned anew.
+        """
+        problem, mesh = self.problem, first_mesh(self.problem)
+        strategy = strategy_of(problem, mesh)
+        if strategy == 'monotone' and problem.sharpen and not problem.phases:
+            strategy = 'rough'
+        return self.solve(problem, mesh, strategy=strategy)
+
+    def best(self, found: Checked) -> Checked:
+        """Return the plan that a first solve leads to: with exact switches, or on a finer mesh."""
+        sharp = self.sharpened(found)
+        if sharp is not None:
+            return sharp
+        if found.attempt.rough:
+            mesh = found.attempt.structure.mesh
+            found = self.solve(self.problem, mesh, found.attempt.values, strategy='near')
+        return self.refined(found)
+
+    def _watched(self, problem: Problem, layout: Layout) -> OnIteration | None:
+        """Return a function that hands iterations on with a way to make flights of them."""
+        on_iteration = self.on_iteration
+        if on_iteration is None:
+            return None
+
+        def flight_of(variables: Array) -> Trajectory:
+            limits = np.array([problem.limits(name) for name in problem.stage.controls])
+            way = path(layout, variables, problem.wind_ned, limits.reshape(-1, 2))
+            return trajectory_of(problem, way, between(problem.stage, way)[0])
+
+        def hand_on(iteration: Iteration) -> None:
+            assert iteration.variables is not None
+            made = partial(flight_of, iteration.variables)
+            on_iteration(replace(iteration, trajectory=made))
+
+        return hand_on
 
     def near(self, plan: Plan) -> Checked | None:
         """Return a verified solve that started from a plan's solution, if there is one."""
@@ -129,7 +171,12 @@ class Run:
         if conditions.structure(problem, mesh) != solved.structure:
             return None
         found = self.solve(
-            problem, mesh, solved.values, strategy='warm', multipliers=solved.multipliers
+            problem,
+            mesh,
+            solved.values,
+            strategy='warm',
+            multipliers=solved.multipliers,
+            most_iterations=MAX_WARM,
         )
         return found if found.within(problem.tolerance) else None
 
@@ -147,7 +194,7 @@ class Run:
             inner = with_arcs(replace(problem, guess_trajectory=guess), arcs, nodes)
             # controls are known and smooth in each arc: a high order gets most out of it
             mesh = Mesh.of([leg.nodes for leg in inner.legs], 'radau', 'previous')
-            found = self.solve(inner, mesh)
+            found = self.solve(inner, mesh, strategy='near')
             if found.verification is None:
                 return None
             fewer = joined(arcs_of(problem, found.attempt))
@@ -157,7 +204,9 @@ class Run:
         found = self.refined(found)
         sign = problem.objective.sign
         worse = sign * (found.attempt.objective - first.attempt.objective)
-        allowed = problem.tolerance * max(abs(first.attempt.objective), 1e-300)
+        # what a coarse mesh promises may be more than can be flown
+        part = problem.tolerance if first.within(problem.tolerance) else COARSE
+        allowed = part * max(abs(first.attempt.objective), 1e-300)
         return found if found.within(problem.tolerance) and worse <= allowed else None
 
     def _check(self, attempt: Attempt, transcription: Transcription) -> Checked:
@@ -220,7 +269,8 @@ class Run:
         problem, attempt, verification = self.problem, found.attempt, found.verification
         code = attempt.solution.code
         verified = found.within(problem.tolerance)
-        arcs = arcs_of(problem, attempt) if attempt.problem.phases != problem.phases else []
+        arced = attempt.problem.phases and not problem.phases
+        arcs = arcs_of(problem, attempt) if arced else []
         if code == ResultCode.SUCCESS and not verified:
             code = ResultCode.NOT_VERIFIED
         trajectory = trajectory_of(problem, found.way, found.states)
@@ -248,6 +298,7 @@ class Run:
             trajectory,
             report,
             tuple(map(float, problem.wind_ned)),
+            problem.wind,
             surroundings=problem.surroundings,
             attempt=attempt,
         )

@@ -18,7 +18,18 @@ _UNITS: dict[str, tuple[str, float]] = {
         ('x_e', 'y_e', 'z_e', 'altitude', 'distance', 'deviation', 'radius'), ('m', 1.0)
     ),
     **dict.fromkeys(
-        ('u_e', 'v_e', 'w_e', 'u_b', 'v_b', 'w_b', 'speed', 'airspeed', 'groundspeed'),
+        (
+            'u_e',
+            'v_e',
+            'w_e',
+            'u_b',
+            'v_b',
+            'w_b',
+            'speed',
+            'airspeed',
+            'groundspeed',
+            'climb_rate',
+        ),
         ('m/s', 1.0),
     ),
     **dict.fromkeys(('gamma', 'track', 'bank', 'phi', 'theta', 'psi'), ('deg', DEG)),

@@ -246,7 +246,7 @@ def test_a_killed_recorder_leaves_a_readable_file(tmp_path: Path) -> None:
         recorder = McapRecorder(sys.argv[1], {'vehicle': 'v'})
         for i in range(10**6):
             data = bytes([0, 1, 0, 0]) + i.to_bytes(8, 'little')
-            recorder.write('/a', 'std_msgs/msg/Int64', data, i)
+            recorder.write('/a', 'std_msgs/msg/Int64', data, i * 5_000_000)
             if i == 200:
                 print('going', flush=True)
             time.sleep(0.005)
@@ -266,5 +266,5 @@ def test_a_killed_recorder_leaves_a_readable_file(tmp_path: Path) -> None:
     with McapFile(path) as log:
         assert 'cut short' in log.warnings[0]
         assert log.metadata_record('flightdyn') == {'vehicle': 'v'}
-        # At most what came in the last half second is missing: 100 of 200.
+        # At most what belongs to the last half second is missing: 100 of 200.
         assert log.message_counts[1] >= 90

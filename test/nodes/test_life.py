@@ -1,6 +1,8 @@
 """How nodes begin and end: exit codes, clear sentences, no tracebacks, in time."""
 
+import contextlib
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -14,6 +16,7 @@ from ros_support import DISCUS, NODES, ROOT, command, need_ros
 
 need_ros()
 
+from lifecycle_msgs.srv import GetState  # noqa: E402
 from rcl_interfaces.srv import ListParameters  # noqa: E402
 
 from flightdyn.nodes.client import Inbox, PlannerClient, Session  # noqa: E402
@@ -43,6 +46,50 @@ def test_idle_node_ends_on_a_signal(ros: None, session: Session, name: str, numb
         end(process, number)
 
 
+def shared_memory(pid: int | str) -> set[str]:
+    """Return the segments in shared memory that a process has mapped; ports are everybody's."""
+    with contextlib.suppress(OSError):  # it may end meanwhile, or be another user's
+        lines = Path(f'/proc/{pid}/maps').read_text().splitlines()
+        names = {line.split()[-1] for line in lines}
+        return {name for name in names if re.match('/dev/shm/fastdds_[0-9a-f]{16}', name)}
+    return set()
+
+
+@pytest.mark.parametrize('name', NODES)
+@pytest.mark.parametrize('number', [*SIGNALS, None])
+def test_nothing_is_left_in_shared_memory(
+    ros: None, session: Session, name: str, number: int | None
+) -> None:
+    """Nodes that end on a signal, or on a mistake in their parameters (None)."""
+    parameters: dict[str, Any] = {'log': str(DISCUS), 'end': 10.0} if name == 'replay' else {}
+    if number is None:
+        parameters['qos_overrides./diagnostics.publisher.reliability'] = 'perhaps'
+    mapped: set[str] = set()
+    with NodeProcess(
+        name,
+        env={'FASTDDS_BUILTIN_TRANSPORTS': None, 'FASTDDS_DEFAULT_PROFILES_FILE': None},
+        **parameters,
+    ) as process:
+        if number is None:
+            while process.process.poll() is None:
+                mapped |= shared_memory(process.process.pid)
+            assert process.process.wait() == 2
+        else:
+            session.call(GetState, f'/{name}/get_state')
+            mapped = shared_memory(process.process.pid)
+            end(process, number)
+    assert mapped
+    others = set().union(*(shared_memory(p.name) for p in Path('/proc').glob('[0-9]*')))
+    assert [file for file in mapped - others if Path(file).exists()] == []
+
+
+def test_node_waits_to_be_configured(ros: None, session: Session) -> None:
+    with NodeProcess('planner', autostart=False) as process:
+        state = session.call(GetState, '/planner/get_state').current_state.label
+        assert state == 'unconfigured'
+        end(process, signal.SIGINT)
+
+
 @pytest.mark.parametrize('number', SIGNALS)
 def test_planner_ends_while_solving_and_the_client_hears_of_it(
     ros: None, session: Session, number: int
@@ -69,9 +116,10 @@ def test_replay_ends_while_playing(ros: None, session: Session, number: int) -> 
     [
         ('replay', {}, 'which flight log'),
         ('replay', {'log': '/nope.mcap'}, 'no file /nope.mcap'),
-        ('replay', {'log': str(DISCUS), 'log_root': str(ROOT / 'config')}, 'outside log_root'),
+        ('replay', {'log': str(DISCUS), 'log_root': str(ROOT / 'config')}, 'is outside'),
         ('replay', {'log': str(ROOT / 'setup.py')}, 'setup.py'),
-        ('replay', {'log': str(DISCUS), 'rate': -1}, 'rate'),
+        ('replay', {'log': str(DISCUS), 'rate': 0}, 'rate'),
+        ('replay', {'log': str(DISCUS), 'start_at': 'noon'}, 'noon'),
         ('sim', {'vehicle': 'nope'}, "no vehicle 'nope'"),
         ('sim', {'origin_lat': 91.0}, 'origin_lat'),
         ('sim', {'wind_ned': [1.0]}, '3 finite numbers'),

@@ -1,7 +1,6 @@
 """The planner as a process, asked over DDS."""
 
 import math
-import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -32,8 +31,8 @@ from flightdyn_msgs.msg import Trajectory as TrajectoryMsg  # noqa: E402
 from flightdyn_msgs.srv import EvaluateModel, ListProblems  # noqa: E402
 
 FLIP = 'quadcopter_flip'
-# hundreds of iterations of a few milliseconds each: time enough to cut in
-LONG: dict[str, Any] = {'final': {'x_e': 300.0}}
+# hundreds of iterations of some 10 ms each: time enough to cut in
+LONG: dict[str, Any] = {'final': {'x_e': 300.0}, 'nodes': 300}
 
 
 @pytest.fixture(scope='module')
@@ -128,7 +127,7 @@ def test_failure_is_aborted_with_a_code_and_not_published(
     assert client.plan(FLIP, result_timeout=30).succeeded
     plans = session.subscribe(TrajectoryMsg, '/planner/trajectory', LATCHED)
     plans.wait()
-    outcome = client.plan(FLIP, duration=(0.1, 0.3), result_timeout=60)
+    outcome = client.plan(FLIP, duration=(0.1, 0.3), result_timeout=90)
     assert not outcome.succeeded
     assert outcome.code == ResultCode.INFEASIBLE
     assert 'no flight was found that keeps all conditions' in outcome.result.message
@@ -140,21 +139,19 @@ def test_failure_is_aborted_with_a_code_and_not_published(
 
 def test_cancel_takes_effect_within_an_iteration(client: PlannerClient) -> None:
     request, heard = start(client)
-    began = time.monotonic()
     assert request.cancel()
+    heard_before = heard.messages[-1].iteration
     outcome = request.result(10)
-    took = time.monotonic() - began
     assert outcome.cancelled
     assert outcome.code == ResultCode.CANCELLED
     assert outcome.trajectory is not None
     assert not outcome.result.report.converged
-    # an iteration takes about 10 ms; loaded machines are slow
-    assert took < 1.0
-    assert heard.messages[-1].iteration < 250
+    # one iteration was under way, and one more may have been while feedback was on its way
+    assert heard.messages[-1].iteration <= heard_before + 2
 
 
 def test_services_are_answered_while_solving(client: PlannerClient, session: Session) -> None:
-    request, heard = start(client)
+    request, _ = start(client)
     problems = session.call(ListProblems, '/planner/list_problems')
     row = dict(zip(problems.names, problems.vehicles, strict=True))
     assert row[FLIP] == 'quadcopter'
@@ -174,7 +171,7 @@ def test_services_are_answered_while_solving(client: PlannerClient, session: Ses
     outputs = np.array(answer.outputs).reshape(2, -1)
     assert outputs[0, answer.output_names.index('load_factor')] == pytest.approx(1.0)
 
-    assert heard.messages[-1].iteration < 250, 'the solve was over too soon to tell'
+    assert not request.is_done, 'the solve was over too soon to tell'
     request.cancel()
     request.result(10)
 
@@ -226,6 +223,12 @@ def odd_goals() -> Iterator[Any]:
     yield goal('duration', duration_lower=2.0, duration_upper=1.0)
     yield goal('tolerance', tolerance=math.nan)
     yield goal("planner's limit", max_wall_time=1e6)
+    yield goal('max_wall_time must be positive', max_wall_time=-1.0)
+    yield goal('a name is empty', problem='')
+    yield goal('10000 characters', problem='x' * 10_000)
+    yield goal('at most 1000', path_bounds=[bound(name='x_e')] * 1001)
+    yield goal('no times', guess=TrajectoryMsg(states=[1.0]))
+    yield goal('values, at most', guess=TrajectoryMsg(time=[0.0], states=[0.0] * 100_001))
     guess = TrajectoryMsg(time=[0.0, 1.0], state_names=['x_e'], states=[1.0])
     yield goal('1 values for 2 times', guess=guess)
     guess = TrajectoryMsg(time=[0.0, 1.0], state_names=['x'], states=[1.0, 2.0])
@@ -233,12 +236,15 @@ def odd_goals() -> Iterator[Any]:
 
 
 @pytest.mark.parametrize(('goal', 'words'), list(odd_goals()))
-def test_malformed_goals_are_rejected_with_the_reason_in_the_log(
+def test_malformed_goals_end_with_a_code_and_the_reason(
     client: PlannerClient, planner: NodeProcess, session: Session, goal: Any, words: str
 ) -> None:
     before = len(planner.output)
-    with pytest.raises(GoalRejected):
-        client.send(goal=goal)
+    outcome = client.plan(goal=goal, result_timeout=10)
+    assert not outcome.succeeded
+    assert outcome.code == ResultCode.BAD_REQUEST
+    assert words in outcome.result.message
+    assert outcome.trajectory is None
     session.wait_until(lambda: words in planner.output[before:], 'the reason in the log')
     (line,) = [line for line in planner.output[before:].splitlines() if words in line]
     assert '[WARN]' in line
@@ -289,8 +295,7 @@ def test_diagnostics_tell_the_last_outcome(client: PlannerClient, session: Sessi
     client.plan(FLIP, result_timeout=30)
     inbox = session.subscribe(DiagnosticArray, '/diagnostics')
     inbox.clear()
-    status = inbox.wait()[-1].status[0]
+    (status,) = [s for s in inbox.wait()[-1].status if s.name == 'planner: planning']
     values = {item.key: item.value for item in status.values}
-    assert status.name == 'planner: planning'
     assert values['last code'] == 'SUCCESS'
     assert int(values['succeeded']) >= 1

@@ -25,20 +25,22 @@ from flightdyn.nodes.process import NodeProcess  # noqa: E402
 from flightdyn.trajectory import Trajectory  # noqa: E402
 from flightdyn_msgs.msg import Trajectory as TrajectoryMsg  # noqa: E402
 from flightdyn_msgs.msg import VehicleState  # noqa: E402
-from flightdyn_msgs.srv import SetRate, Step  # noqa: E402
+from flightdyn_msgs.srv import Reset, SetRate, Step  # noqa: E402
 
 EVERY = QoSProfile(depth=5000)  # a reader that loses nothing, however slow its thread
 FLIP = 'quadcopter_flip'
+STATES = ('x_e', 'z_e', 'u_b', 'w_b', 'theta', 'q')
 HOVER = 0.1 * 9.81 / 2  # N, of each rotor of the 0.1 kg quadcopter
 
 
-def hover(duration: float) -> Any:
+def hover(duration: float, **states: float) -> Any:
     """Return a plan to stand still in the air, away from the origin."""
     names = ('thrust_left', 'thrust_right')
+    states = {**dict.fromkeys(STATES, 0.0), 'x_e': 1.0, 'z_e': -2.0, **states}
     return trajectory_msg(
         Trajectory(
             time=np.array([0.0, duration]),
-            states={'x_e': np.full(2, 1.0), 'z_e': np.full(2, -2.0)},
+            states={name: np.full(2, value) for name, value in states.items()},
             controls={name: np.full(2, HOVER) for name in names},
             vehicle='quadcopter',
         )
@@ -93,7 +95,7 @@ def test_plan_is_flown_in_all_its_topics(flight: Flight) -> None:
     first = states[0]
     assert (first.vehicle, first.model) == ('quadcopter', 'DynamicsRigidBody2DBody')
     assert first.state_names == ['x_e', 'z_e', 'u_b', 'w_b', 'theta', 'q']
-    assert list(first.controls) == [HOVER, HOVER]
+    assert list(first.controls) == pytest.approx([HOVER, HOVER], abs=1e-9)
     position = odom.wait(lambda got: len(got) >= 101)[-1].pose.pose.position
     assert (position.x, position.y, position.z) == pytest.approx((0, 1, 2), abs=1e-9)
     assert imu.wait()[-1].linear_acceleration.z == pytest.approx(9.81)
@@ -109,7 +111,7 @@ def test_clock_and_stamps_never_go_back(flight: Flight) -> None:
     flight.fly(hover(0.1), 0.1)
     clocks = [nanoseconds(message.clock) for message in flight.clock.messages]
     assert np.diff(clocks).min() >= 0
-    flight.call('reset')
+    assert flight.call('reset', Reset).success
     states = flight.state.wait(lambda got: got[-1].time >= 0.1 and times(got).count(0.0) == 2)
     stamps = [nanoseconds(state.header.stamp) for state in states]
     assert np.diff(stamps).min() > 0

@@ -113,7 +113,7 @@ def test_bad_initial_states_are_refused(initial: dict[str, float], message: str)
 
 
 def test_missing_controls_are_named() -> None:
-    with pytest.raises(InputError, match='needs the controls thrust_left, thrust_right'):
+    with pytest.raises(InputError, match='controls thrust_left, thrust_right are missing'):
         Simulator(MODEL, {}, Trajectory(time=np.zeros(1), states={}))
 
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from flights import flip, soaring
 
-from flightdyn.viewing import meshes, scenery
+from flightdyn.viewing import meshes, scenery, solids
 from flightdyn.viewing.blueprint import _value_range
+from flightdyn.viewing.coloring import coloring_of
 from flightdyn.viewing.kinematics import motion_of
 from flightdyn.viewing.quantities import Group, Series
 
@@ -32,12 +33,12 @@ def test_sizes_and_sides():
     assert meshes.glider().size == pytest.approx(15.0)
     assert meshes.aeroplane().size == pytest.approx(11.0)
     quad = meshes.mesh_for('quadcopter')
-    rotors = quad.vertices[(quad.colors == meshes.ORANGE).all(axis=1)]
+    rotors = quad.vertices[(quad.colors == solids.ORANGE).all(axis=1)]
     middle = (rotors.min(axis=0) + rotors.max(axis=0)) / 2
     np.testing.assert_allclose(middle[:2], (0.05, 0), atol=1e-6)  # forward rotors
     assert rotors[:, 2].max() < 0  # above the body
     for shape in (meshes.glider(), meshes.aeroplane()):
-        right = shape.vertices[(shape.colors == meshes.GREEN).all(axis=1)]
+        right = shape.vertices[(shape.colors == solids.GREEN).all(axis=1)]
         assert right[:, 1].min() > 0
         assert shape.vertices[:, 2].min() < -0.5  # the fin is up
     assert meshes.mesh_for('', scene_size=20.0).size == pytest.approx(1.0)
@@ -45,8 +46,9 @@ def test_sizes_and_sides():
 
 
 def test_strips_share_ends_within_a_segment_and_break_at_gaps():
-    motion = motion_of(soaring())
-    strips = scenery.colored_strips(motion)
+    flight = soaring()
+    motion = motion_of(flight)
+    strips = scenery.colored_strips(motion, coloring_of(flight, motion))
     ends = {part.stop - 1 for part in motion.segments}
     for a, b in pairwise(strips):
         assert (a.index[-1] in ends and b.index[0] == a.index[-1] + 1) or (
@@ -68,7 +70,7 @@ def test_curtain_falls_to_the_lowest_point_of_a_real_flight():
     motion = motion_of(flight)
     ground = scenery.ground_altitude(flight, motion)
     assert ground == flight['altitude'].min()
-    vertices, triangles, colors = scenery.curtain(motion, ground)
+    vertices, triangles, colors = scenery.curtain(motion, coloring_of(flight, motion), ground)
     drop = vertices[1::2, 2] - vertices[::2, 2]
     np.testing.assert_allclose(drop, flight['altitude'] - ground)
     assert len(vertices) == len(colors) == 2 * len(flight)

@@ -1,0 +1,1 @@
+"""Following a planned trajectory: feed-forward of its controls and a time-varying LQR."""
