@@ -11,7 +11,7 @@ from ..environment.surroundings_file import KEYS as SURROUNDINGS
 from ..environment.surroundings_file import read_surroundings
 from ..environment.wind_file import read_wind
 from ..errors import InputError
-from ..resources import find_config
+from ..resources import find_config, list_configs
 from ..vehicles.fields import IN_DEGREES, in_degrees, named_bounds
 from ..vehicles.vehicle import Vehicle, load_vehicle
 from .objective import parse_objective
@@ -55,6 +55,17 @@ def load_problem(
     for setting in settings:
         apply_setting(document, setting, {'wind_ned': [0, 0, 0]})
     return _problem(path, check_keys(document, KEYS, str(path)), config_dir)
+
+
+def list_problems(config_dir: str | Path | None = None) -> tuple[list[Problem], list[InputError]]:
+    """Return every configured problem, by name, and what is wrong with those that are none."""
+    problems, wrong = [], []
+    for name in list_configs('problems', config_dir):
+        try:
+            problems.append(load_problem(name, (), config_dir))
+        except InputError as error:
+            wrong.append(error)
+    return problems, wrong
 
 
 def _problem(path: Path, document: dict[str, Any], config_dir: str | Path | None) -> Problem:

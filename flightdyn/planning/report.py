@@ -71,10 +71,10 @@ class Plan:
         As the problem has them.
     others : list of Plan
         Other local optima that were found, if they were asked for, best first.
-    alternatives : list of Alternative
-        What came of each of the problem's alternatives, this plan's first; empty if it has none.
     near : bool
         Whether its solve started from another plan.
+    alternatives : list of Alternative
+        What came of each of the problem's alternatives, this plan's first; empty if it has none.
     """
 
     trajectory: Trajectory
@@ -83,8 +83,8 @@ class Plan:
     wind: Wind | None = None
     surroundings: Surroundings = NOTHING
     others: list['Plan'] = field(default_factory=list)
-    alternatives: list[Alternative] = field(default_factory=list)
     near: bool = False
+    alternatives: list[Alternative] = field(default_factory=list)
     attempt: Attempt | None = field(default=None, repr=False, compare=False)
 
 

@@ -10,7 +10,16 @@ from ..dynamics.base import G
 from ..dynamics.stage import KINEMATICS
 from ..errors import InputError
 from ..resources import find_config, list_configs
-from . import aero_direct, aero_polar, aero_table, body_drag, buoyancy, jet, propeller, propulsion
+from . import (
+    aero_direct,
+    aero_polar,
+    aero_table,
+    body_drag,
+    buoyancy,
+    jet,
+    propeller,
+    propulsion,
+)
 from .aerodynamics import COEFFICIENTS, Aerodynamics
 from .definition import STEERED
 from .definition import Vehicle as Vehicle
