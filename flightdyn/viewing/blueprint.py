@@ -214,7 +214,7 @@ def _plots(groups: Sequence[Group], lanes: int) -> rrb.Container:
             origin='/lanes', name='Phases', time_view=rrb.TimeAxis(view_range=_whole_flight())
         )
         views.append(lane)
-        shares.append(1.2 + 0.5 * lanes)
+        shares.append(1.2 + 0.9 * lanes)
     return rrb.Vertical(*views, row_shares=shares)
 
 

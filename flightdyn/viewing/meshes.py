@@ -44,7 +44,7 @@ def mesh_for(
     Parameters
     ----------
     vehicle : str
-        A name that contains 'quad' or 'drone' (0.1 m between rotors), 'glider' or 'discus'
+        A name that contains 'quad' or 'drone' (0.1 m between rotors), 'glider', 'soar' or 'discus'
         (15 m span), 'cessna' (10.2 m span), 'rocket' (70 m long) or 'balloon' (0.25 m).
     geometry : mapping
         As `vehicles.geometry` reads it.
@@ -76,7 +76,7 @@ def mesh_for(
     name = vehicle.lower()
     if 'quad' in name or 'drone' in name or 'copter' in name:
         return quadcopter()
-    if 'glider' in name or 'discus' in name or 'sailplane' in name:
+    if 'glider' in name or 'discus' in name or 'soar' in name or 'sailplane' in name:
         return glider()
     if 'rocket' in name:
         return rocket()

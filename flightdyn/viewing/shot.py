@@ -59,8 +59,9 @@ def save_shot(
     at : float
         Seconds from the start of the timeline; its start unless given.
     view : str
-        Only the view with this name, such as 'Overview'.
+        Only the view with this name, such as 'Overview', without the bars of the window.
     size : (width, height) [px]
+        Of the window.
 
     Raises
     ------

@@ -9,7 +9,7 @@ from flights import flip, soaring
 
 from flightdyn.environment.geodesy import GeodeticPoint
 from flightdyn.trajectory import Trajectory
-from flightdyn.viewing import meshes, scenery, solids
+from flightdyn.viewing import events, meshes, scenery, solids
 from flightdyn.viewing.blueprint import _value_range
 from flightdyn.viewing.coloring import coloring_of
 from flightdyn.viewing.kinematics import motion_of
@@ -30,6 +30,11 @@ def test_meshes_are_closed_low_poly_and_lit_from_outside(mesh):
     a, b, c = np.moveaxis(mesh.vertices.reshape(-1, 3, 3).astype(float), 1, 0)
     outward = np.einsum('ij,ij->i', np.cross(b - a, c - a), mesh.normals[::3])
     assert (outward > 0).all()
+
+
+def test_large_altitudes_are_written_out():
+    assert events._figure(12_000.0, 4) == '12000'  # it was 1.2e+04
+    assert events._figure(-1e-17, 3) == '0'
 
 
 def test_sizes_and_sides():
