@@ -16,7 +16,8 @@ from flightdyn.viewing.kinematics import motion_of
 from flightdyn.viewing.quantities import Group, Series
 
 SHAPES = [
-    meshes.quadcopter(), meshes.glider(), meshes.aeroplane(), meshes.rocket(), meshes.balloon()
+    meshes.quadcopter(), meshes.glider(), meshes.aeroplane(), meshes.rocket(), meshes.balloon(),
+    meshes.paraglider(), meshes.airliner(), solids.sphere(),
 ]  # fmt: skip
 
 
