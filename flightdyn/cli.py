@@ -1,4 +1,4 @@
-"""The `flightdyn` command: plan, sim, replay, view, batch, info, convert, models, vehicles.
+"""The `flightdyn` command: plan, sim, replay, view, batch, info, convert, and lists of all.
 
 Only results go to stdout; progress and errors go to stderr.
 """
@@ -17,6 +17,8 @@ from .errors import EXIT_CODES, FlightdynError, InputError, ResultCode
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from .planning.alternatives import Alternative
+    from .planning.problem import Problem
     from .simulation.simulator import Simulator
     from .trajectory import Trajectory
     from .vehicles.vehicle import Vehicle
@@ -149,6 +151,7 @@ def _parser() -> argparse.ArgumentParser:
 
     cli_batch.add_commands(commands, command)
     command('models', _models, 'List the Dynamics family.', config=False)
+    command('problems', _problems, 'List the configured problems.')
     vehicles = command('vehicles', _vehicles, 'List the configured vehicles.')
     vehicles.add_argument('vehicle', nargs='*', help='tell all about these only')
     return parser
@@ -187,7 +190,7 @@ def _plan(arguments: argparse.Namespace) -> int:
         on_plan(plan.trajectory)
     document = plan_document(plan)
     for path in outputs:
-        export.write_flight(path, plan.trajectory, document, limits=problem.bounded())
+        export.write_flight(path, plan.trajectory, document, limits=_limits(problem))
     report = plan.report
     if arguments.json:
         print(json.dumps(document))
@@ -207,6 +210,7 @@ def _plan(arguments: argparse.Namespace) -> int:
                     for i, each in enumerate([plan, *plan.others], start=1)
                     if plan.others
                 ),
+                *((f'alternative {each.name}', _alternative(each)) for each in plan.alternatives),
                 *((f'arc {i}', _arc(arc)) for i, arc in enumerate(report.arcs, start=1)),
                 *(('remedy', remedy) for remedy in report.remedies),
                 *(('written', str(path)) for path in outputs),
@@ -217,6 +221,20 @@ def _plan(arguments: argparse.Namespace) -> int:
     if report.code != ResultCode.SUCCESS:
         print(f'flightdyn: {report.message}', file=sys.stderr)
     return EXIT_CODES[report.code]
+
+
+def _limits(problem: 'Problem') -> dict[str, tuple[float, float]]:
+    """Return the bounds that hold all the way."""
+    every = [problem.bounded(leg) for leg in range(len(problem.legs))]
+    return {
+        name: bounds
+        for name, bounds in every[0].items()
+        if all(others.get(name) == bounds for others in every)
+    }
+
+
+def _alternative(each: 'Alternative') -> str:
+    return f'{each.objective:.8g}' if each.verified else f'not solved: {each.message}'
 
 
 def _arc(arc: dict[str, Any]) -> str:
@@ -318,6 +336,21 @@ def _models(arguments: argparse.Namespace) -> int:
             ]
         )
     return 0
+
+
+def _problems(arguments: argparse.Namespace) -> int:
+    from .planning.problem_file import list_problems
+
+    problems, wrong = list_problems(arguments.config_dir)
+    rows = [(p.name, p.vehicle.name, p.description) for p in problems]
+    if arguments.json:
+        keys = ('problem', 'vehicle', 'description')
+        print(json.dumps([dict(zip(keys, row, strict=True)) for row in rows]))
+    else:
+        print_rows([('problem', 'vehicle', 'description'), *rows])
+    for error in wrong:
+        print(f'flightdyn: {error}', file=sys.stderr)
+    return max((error.exit_code for error in wrong), default=0)
 
 
 def _vehicles(arguments: argparse.Namespace) -> int:

@@ -48,7 +48,7 @@ def write_flight(
     """Write a plan or a simulated flight; `document` is what a .json file holds.
 
     Figures of a simulated flight show it beside what was `planned`, those of a plan show `limits`.
-    Recordings show the `surroundings` that the document has.
+    Pictures and recordings show the `surroundings` that the document has.
     """
     if path.suffix == '.mcap':
         from .logs.recording import write_flight_mcap
@@ -110,9 +110,13 @@ def _write_view(
         )
     else:
         from .viewing.figures import About, figure_for, save_figure
+        from .viewing.run_notes import run_surroundings
 
         about = About(document=document, limits=limits or {})
-        save_figure(figure_for(flight, about=about, planned=planned, track=track), path)
+        figure = figure_for(
+            flight, run_surroundings(document), about=about, planned=planned, track=track
+        )
+        save_figure(figure, path)
 
 
 def flight_document(flight: Trajectory, **more: Any) -> dict[str, Any]:

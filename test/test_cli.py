@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from flightdyn.cli import main
+from flightdyn.resources import list_configs
 
 GLIDER = Path(__file__).parent / 'data' / 'discus2_thermal.mcap'
 PLAN_KEYS = (
@@ -175,6 +176,23 @@ def test_models_lists_the_family(capsys: pytest.CaptureFixture[str]) -> None:
     rows = {row['class']: row for row in json.loads(capsys.readouterr().out)}
     assert rows['DynamicsRigidBody2DBody']['controls'] == ['Fx_b', 'Fz_b', 'My_b']
     assert main(['models']) == 0
+
+
+def test_problems_are_listed_and_bad_ones_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(['problems', '--json']) == 0
+    rows = {row['problem']: row for row in json.loads(capsys.readouterr().out)}
+    assert set(rows) == set(list_configs('problems'))
+    assert rows['quadcopter_flip']['vehicle'] == 'quadcopter'
+    assert all(row['description'] for row in rows.values())
+    (tmp_path / 'problems').mkdir()
+    (tmp_path / 'problems' / 'bad.yaml').write_text('vehicle: quadcopter\n')
+    assert main(['problems', '--config-dir', str(tmp_path)]) == 2
+    told = capsys.readouterr()
+    assert "'duration' is missing" in told.err
+    assert 'rocket_climb' in told.out
+    assert 'bad' not in told.out
 
 
 def test_vehicles_are_listed_with_the_errors_of_their_fits(

@@ -69,8 +69,10 @@ class Recording:
         assert self.path is not None
         try:
             self._recorder = McapRecorder(self.path, metadata)
-        except (InputError, OSError) as error:
+        except InputError as error:
             self._fail(str(error))
+        except OSError as error:
+            self._fail(self._told(error))
 
     def write(self, topic: str, msgtype: str, data: bytes, ns: int) -> None:
         """Record a message, if recording is on."""
@@ -79,7 +81,7 @@ class Recording:
         try:
             self._recorder.write(topic, msgtype, data, ns)
         except OSError as error:  # a full disk must not stop the flight
-            self._fail(f'{self.path}: {error.strerror or error}')
+            self._fail(self._told(error))
 
     def flush(self) -> None:
         """Write everything so far to the file."""
@@ -87,7 +89,7 @@ class Recording:
             try:
                 self._recorder.flush()
             except OSError as error:
-                self._fail(f'{self.path}: {error.strerror or error}')
+                self._fail(self._told(error))
 
     def finish(self) -> None:
         """Write the index and close the file; the next `begin` opens it anew."""
@@ -96,7 +98,10 @@ class Recording:
             try:
                 recorder.finish()
             except OSError as error:
-                self._fail(f'{self.path}: {error.strerror or error}')
+                self._fail(self._told(error))
+
+    def _told(self, error: OSError) -> str:
+        return f'{self.path}: {error.strerror or error}'
 
     def _fail(self, message: str) -> None:
         recorder, self._recorder, self._over = self._recorder, None, True

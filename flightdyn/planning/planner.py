@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any
 
 from ..errors import ResultCode
+from .alternatives import best_alternative
 from .problem import Problem
 from .programme import Programmes
 from .refinement import first_mesh, strategy_of
@@ -55,6 +56,8 @@ class Planner:
         Limits of the vehicle's outputs that the problem does not name are looked at afterwards,
         and kept in a second solve where the first one left them.
 
+        Of a problem with alternatives each is planned, and the best plan returned.
+
         The same problem and arguments give the same plan, whatever was planned before.
 
         Parameters
@@ -72,6 +75,18 @@ class Planner:
         should_stop : function returning a bool
             Asked after each iteration; True cancels.
         """
+        if problem.alternatives:
+            return best_alternative(
+                problem,
+                lambda each: self.plan(
+                    each,
+                    near=near,
+                    multistart=multistart,
+                    seed=seed,
+                    on_iteration=on_iteration,
+                    should_stop=should_stop,
+                ),
+            )
         watched = on_iteration, should_stop
         started = time.perf_counter()
         full = near is not None and near.attempt is not None and not near.attempt.problem.aside

@@ -82,8 +82,8 @@ def save_animation(
     recordings: Sequence[str | Path],
     path: str | Path,
     *,
-    seconds: float = 6.0,
-    rate: float = 12.0,
+    seconds: float = 4.0,
+    rate: float = 10.0,
     view: str | None = None,
     size: tuple[int, int] = (960, 600),
 ) -> None:

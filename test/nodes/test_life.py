@@ -55,6 +55,12 @@ def shared_memory(pid: int | str) -> set[str]:
     return set()
 
 
+def left_behind(mapped: set[str]) -> list[str]:
+    """Return what is still there of a process that has ended, and nobody else's."""
+    others = set().union(*(shared_memory(p.name) for p in Path('/proc').glob('[0-9]*')))
+    return [file for file in mapped - others if Path(file).exists()]
+
+
 @pytest.mark.parametrize('name', NODES)
 @pytest.mark.parametrize('number', [*SIGNALS, None])
 def test_nothing_is_left_in_shared_memory(
@@ -79,8 +85,23 @@ def test_nothing_is_left_in_shared_memory(
             mapped = shared_memory(process.process.pid)
             end(process, number)
     assert mapped
-    others = set().union(*(shared_memory(p.name) for p in Path('/proc').glob('[0-9]*')))
-    assert [file for file in mapped - others if Path(file).exists()] == []
+    assert left_behind(mapped) == []
+
+
+@pytest.mark.parametrize('number', SIGNALS)
+def test_planner_that_is_stopped_in_mid_solve_leaves_nothing(
+    ros: None, session: Session, number: int
+) -> None:
+    with NodeProcess('planner', env={'FASTDDS_BUILTIN_TRANSPORTS': None}) as process:
+        heard = Inbox('feedback')
+        PlannerClient(session).send(
+            'quadcopter_flip', final={'x_e': 300.0}, nodes=300, on_feedback=heard.put
+        )
+        heard.wait(timeout=60)
+        mapped = shared_memory(process.process.pid)
+        end(process, number)
+    assert mapped
+    assert left_behind(mapped) == []
 
 
 def test_node_waits_to_be_configured(ros: None, session: Session) -> None:
