@@ -108,6 +108,7 @@ def fly_glide(
             env={'ROS_LOG_DIR': logs},
             vehicle='cessna152',
             initial=f'{{altitude: {altitude}, speed: {SPEED}}}',
+            tracking='open_loop',  # what the planner reckons with until its next plan begins
             new_plan='join',
             after_plan='hold',
             on_ground='stop',
