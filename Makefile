@@ -1,7 +1,7 @@
 # Every target builds what it needs first; the second time that takes about a second.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test bench lint clean
+.PHONY: help setup demo test bench gallery lint clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' Makefile
@@ -18,6 +18,9 @@ test: setup ## run the tests; ARGS='...' goes to pytest, e.g. ARGS='-m slow'
 bench: ## run every benchmark
 	@tools/setup bench
 	@set -e; for file in benchmarks/*.py; do tools/run python "$$file"; done
+
+gallery: setup ## make docs/gallery.md and its pictures anew; ARGS='...' names some pictures
+	@tools/run python tools/gallery.py $(ARGS)
 
 lint: setup ## check style and types
 	@tools/run ruff check .

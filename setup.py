@@ -77,6 +77,7 @@ setup(
         'view': ['rerun-sdk>=0.41,<0.42', 'matplotlib>=3.9,<4', 'pyarrow>=18,<27'],
         'ulog': ['pyulog>=1,<2'],
         'aero': ['aerosandbox>=4.2.10,<5', 'neuralfoil>=0.3.3,<0.4'],
+        'terrain': ['rasterio>=1.4,<2'],  # GeoTIFFs
         'batch': ['dask>=2025.1,<2027', 'distributed>=2025.1,<2027', 'pyarrow>=18,<27'],
         'bench': [
             'aerosandbox>=4.2.10,<5',

@@ -64,6 +64,15 @@ tell(
     },
 )
 write_table({'wind': SPEEDS, **lost}, FOLDER / 'cessna152_turnback.csv')
-axes = {'xlabel': 'wind speed [m/s]', 'ylabel': 'height lost [m]'}
-draw(FOLDER / 'turnback_wind.png', lambda figures: figures.sweep_figure(SPEEDS, lost, **axes))
+cases = list(product(CASES, SPEEDS))
+table = {
+    'wind': [speed for _, speed in cases],
+    'case': [name for name, _ in cases],
+    'height lost': [value for name in CASES for value in lost[name]],
+}
+units = {'wind': 'm/s', 'height lost': 'm'}
+draw(
+    FOLDER / 'turnback_wind.png',
+    lambda figures: figures.sweep_figure(table, ['wind', 'case'], 'height lost', units=units),
+)
 draw(FOLDER / 'turnback_10.png', lambda figures: figures.tracks_figure(strongest))

@@ -34,5 +34,5 @@ tell(
 )
 draw(
     FOLDER / 'helium_balloon.png',
-    lambda figures: figures.history_figure(flight, ['altitude', 'radius']),
+    lambda figures: figures.climb_figure(flight),
 )

@@ -36,5 +36,5 @@ tell(
 )
 draw(
     FOLDER / 'rocket_climb.png',
-    lambda figures: figures.history_figure(flight, ['altitude', 'thrust', 'mass']),
+    lambda figures: figures.climb_figure(flight),
 )

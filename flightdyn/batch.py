@@ -10,14 +10,16 @@ import logging
 import os
 import shutil
 import time
+from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path, PurePosixPath
 from types import TracebackType
 from typing import Any, TextIO
 
-from .errors import FlightdynError, InputError, MissingExtraError
+from .errors import FlightdynError, InputError, MissingExtraError, ResultCode
 from .files import written_whole
 
 Row = dict[str, Any]
@@ -45,12 +47,19 @@ class Job:
         What the batch's function is called with, besides the file to write.
     fingerprint : str
         Changes when the result would; then the job is done again.
+    columns : mapping
+        What the summary says of the job itself.
+    group : str
+        Jobs of a group are done by one process, one after the other, as far as that leaves none
+        idle: they have use for what it keeps. Each may be done anywhere nevertheless.
     """
 
     key: str
     output: str
     arguments: Mapping[str, Any]
     fingerprint: str
+    columns: Mapping[str, Any] = field(default_factory=dict)
+    group: str = ''
 
 
 class Batch:
@@ -64,7 +73,8 @@ class Batch:
     function : callable
         `function(path, **arguments)` writes a job's result and returns what to tell of it: text,
         numbers, lists of those. It has to be importable by name where the job is run. A
-        `FlightdynError` becomes the job's `error` and `exit_code`.
+        `FlightdynError` becomes the job's `error`, `code` and `exit_code`; such a job has no
+        result, and the next run tries again. One that returns these itself is done.
 
     Attributes
     ----------
@@ -141,7 +151,8 @@ class Batch:
         Yields
         ------
         dict
-            `key output exit_code error wall_s`, the arguments, then what the function returned.
+            `key output exit_code code error wall_s`, the job's columns, then what the function
+            returned; `output` is None of a job without a result.
 
         Raises
         ------
@@ -155,30 +166,38 @@ class Batch:
             return
         from distributed import as_completed
 
-        with _client(min(workers or _cores(), len(self._pending)), scheduler) as (client, room):
-            running: dict[Any, tuple[Job, float]] = {}
+        queue = _Queue(self.pending)
+        with _client(min(workers or _cores(), len(self._pending)), scheduler) as (client, places):
+            running: dict[Any, tuple[Job, str, float]] = {}
             completed = as_completed(loop=client.loop)
-            waiting = iter(self.pending)
 
             def submit() -> None:
-                while len(running) < max(room(), 1) and (job := next(waiting, None)):
-                    future = client.submit(
-                        run_job,
-                        self.function,
-                        str(self.folder),
-                        job.output,
-                        dict(job.arguments),
-                        pure=False,
-                    )
-                    running[future] = job, time.monotonic()
-                    completed.add(future)
+                busy = Counter(place for _, place, _ in running.values())
+                # with no worker left the next one that comes takes a job
+                rooms = places() or {'': 1}
+                for place, room in rooms.items():
+                    while busy[place] < room and (job := queue.next(place)):
+                        future = client.submit(
+                            run_job,
+                            self.function,
+                            str(self.folder),
+                            job.output,
+                            dict(job.arguments),
+                            pure=False,
+                            workers=[place] if place else None,
+                            allow_other_workers=bool(place),
+                        )
+                        running[future] = job, place, time.monotonic()
+                        busy[place] += 1
+                        completed.add(future)
 
             submit()
             for future in completed:
-                job, since = running.pop(future)
-                row: Row = {'key': job.key, 'output': job.output}
-                row |= {'exit_code': 0, 'error': None, 'wall_s': time.monotonic() - since}
-                row |= flattened(job.arguments) | _outcome(future)
+                job, _, since = running.pop(future)
+                row: Row = {'key': job.key, 'output': job.output, 'exit_code': 0}
+                row |= {'code': ResultCode.SUCCESS.name, 'error': None}
+                row |= {'wall_s': time.monotonic() - since}
+                row |= flattened(job.columns) | _outcome(future)
                 self._record(job, row)
                 submit()
                 yield row
@@ -192,7 +211,7 @@ class Batch:
     def _record(self, job: Job, row: Row) -> None:
         self.rows[job.key] = row
         del self._pending[job.key]
-        if row['exit_code'] == 0:
+        if row['output'] is not None:
             line = {'key': job.key, 'fingerprint': job.fingerprint, 'row': row}
             self._journal.write(json.dumps(line) + '\n')
             self._journal.flush()
@@ -217,6 +236,30 @@ class Batch:
         shutil.rmtree(self.folder / _PARTIAL, ignore_errors=True)
 
 
+class _Queue:
+    """Jobs that wait, in groups; a place that does jobs is given those of one group in turn."""
+
+    def __init__(self, jobs: Iterable[Job]) -> None:
+        groups: dict[Any, deque[Job]] = {}
+        for number, job in enumerate(jobs):
+            groups.setdefault(job.group or number, deque()).append(job)
+        self._groups = deque(groups.values())
+        self._under_way: dict[str, deque[Job]] = {}
+
+    def next(self, place: str) -> Job | None:
+        """Return the job that a place does next; None if there is none left."""
+        group = self._under_way.get(place)
+        if not group:
+            if self._groups:
+                group = self._groups.popleft()
+            else:  # it lends a hand where most is left to do
+                group = max(self._under_way.values(), key=len, default=None)
+            if not group:
+                return None
+            self._under_way[place] = group
+        return group.popleft()
+
+
 def run_job(
     function: Callable[..., Row], folder: str, output: str, arguments: dict[str, Any]
 ) -> Row:
@@ -239,7 +282,8 @@ def run_job(
 
 
 def _failed(error: FlightdynError) -> Row:
-    return {'exit_code': error.exit_code, 'error': str(error)}
+    code = error.result_code.name
+    return {'output': None, 'exit_code': error.exit_code, 'code': code, 'error': str(error)}
 
 
 def flattened(document: Mapping[str, Any], prefix: str = '') -> Row:
@@ -251,6 +295,14 @@ def flattened(document: Mapping[str, Any], prefix: str = '') -> Row:
         else:
             row[prefix + name] = value
     return row
+
+
+def installed_version() -> str:
+    """Return flightdyn's version, for fingerprints; empty if it runs from a checkout."""
+    try:
+        return version('flightdyn')
+    except PackageNotFoundError:
+        return ''
 
 
 def write_rows(rows: Iterable[Row], path: Path) -> None:
@@ -293,8 +345,10 @@ def _outcome(future: Any) -> Row:
 
 
 @contextmanager
-def _client(workers: int, scheduler: str | None) -> Iterator[tuple[Any, Callable[[], int]]]:
-    """Give a Dask client, and a function that tells how many jobs may be under way."""
+def _client(
+    workers: int, scheduler: str | None
+) -> Iterator[tuple[Any, Callable[[], dict[str, int]]]]:
+    """Give a Dask client, and a function that tells how many jobs each worker takes at a time."""
     import dask
     from distributed import Client, LocalCluster
 
@@ -305,7 +359,8 @@ def _client(workers: int, scheduler: str | None) -> Iterator[tuple[Any, Callable
             told = ' '.join(str(error).split())
             raise InputError(f'no Dask scheduler answers at {scheduler}: {told}') from None
         with client:
-            yield client, lambda: 2 * sum(client.nthreads().values())
+            # one to do and one to go on with: a cluster may be far away
+            yield client, lambda: {at: 2 * n for at, n in client.nthreads().items()}
         return
     # One job at a time in a worker, and none tried twice: whatever kills a worker is that job.
     settings = {'distributed.scheduler.allowed-failures': 0}
@@ -316,13 +371,13 @@ def _client(workers: int, scheduler: str | None) -> Iterator[tuple[Any, Callable
             threads_per_worker=1,
             processes=True,
             host='127.0.0.1',
-            dashboard_address=None,
+            dashboard_address='127.0.0.1:0',
             silence_logs=logging.CRITICAL,
             preload=[_PRELOAD],
         ) as cluster,
         Client(cluster, set_as_default=False) as client,
     ):
-        yield client, lambda: len(cluster.scheduler.workers)
+        yield client, lambda: dict.fromkeys(list(cluster.scheduler.workers), 1)
 
 
 def _cores() -> int:

@@ -4,11 +4,10 @@ import glob
 import json
 import os
 from collections.abc import Iterable
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from .batch import Job, Row, flattened
+from .batch import Job, Row, flattened, installed_version
 from .errors import InputError
 from .export import write_replay
 
@@ -43,7 +42,7 @@ def replay_jobs(
         logs |= dict.fromkeys(found)
         roots.append(_fixed_part(pattern))
     root = _common(roots)
-    settings = {'source': source, 'flightdyn': _version()}
+    settings = {'source': source, 'flightdyn': installed_version()}
     return [_job(path, path.relative_to(root).as_posix(), settings) for path in logs]
 
 
@@ -90,20 +89,15 @@ def _common(folders: list[Path]) -> Path:
 def _job(log: Path, key: str, settings: dict[str, Any]) -> Job:
     parts = sorted(log.rglob('*')) if log.is_dir() else [log]
     state = [(part.stat().st_size, part.stat().st_mtime_ns) for part in parts if part.exists()]
+    arguments = {'file': str(log), 'source': settings['source']}
     return Job(
         key=key,
         output=f'{key}.parquet',
-        arguments={'file': str(log), 'source': settings['source']},
+        arguments=arguments,
+        columns=arguments,
         fingerprint=json.dumps([str(log), state, settings]),
     )
 
 
 def _absolute(path: str | Path) -> Path:
     return Path(os.path.abspath(path))  # with links: results are laid out as the user sees logs
-
-
-def _version() -> str:
-    try:
-        return version('flightdyn')
-    except PackageNotFoundError:  # run from a checkout
-        return ''

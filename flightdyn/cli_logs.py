@@ -1,21 +1,16 @@
-"""The commands on flight logs: replay, info, convert, batch replay."""
+"""The commands on flight logs: replay, info, convert."""
 
 import argparse
 import json
 import sys
-import time
 from collections.abc import Callable, Sequence
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from . import export
 from .console import Rows, busy, print_rows
-from .errors import EXIT_CODES, FlightdynError, InputError, ResultCode
-
-if TYPE_CHECKING:
-    from .batch import Batch
+from .errors import FlightdynError, InputError
 
 
 def replay(arguments: argparse.Namespace) -> int:
@@ -45,7 +40,7 @@ def _replay_one(log: str, arguments: argparse.Namespace) -> tuple[dict[str, Any]
     planned = plans[-1] if plans else None
     flight = replace(replay.trajectory, vehicle=planned.vehicle if planned else '')
     for path in outputs:
-        export.write_replay(path, flight, summary, planned=planned)
+        export.write_replay(path, flight, summary, planned=planned, track=replay.track)
     rows = [
         ('source', f'{summary["source"]} ({summary["schema"]})'),
         ('used', f'{summary["used"]} of {summary["messages"]} messages'),
@@ -134,69 +129,6 @@ def _wind(found: dict[str, Any] | None) -> list[tuple[str, str]]:
 
 def _altitude(summary: dict[str, Any]) -> str:
     return f'{summary["max_altitude"]:.6g} m ({summary["altitude_datum"]})'
-
-
-def batch_replay(arguments: argparse.Namespace) -> int:
-    from .batch import Batch
-    from .batch_replay import replay_job, replay_jobs
-
-    jobs = replay_jobs(arguments.pattern, arguments.output, source=arguments.source)
-    return _run_batch(Batch(arguments.output, jobs, replay_job), 'logs', arguments)
-
-
-def _run_batch(batch: 'Batch', what: str, arguments: argparse.Namespace) -> int:
-    from rich.console import Console
-    from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
-
-    start = time.monotonic()
-    console = Console(stderr=True)
-    columns = (*Progress.get_default_columns()[:2], MofNCompleteColumn(), TimeRemainingColumn())
-    with batch:
-        kept = len(batch.rows)
-        try:
-            with (
-                Progress(*columns, console=console, disable=not console.is_terminal) as progress,
-                closing(
-                    batch.run(workers=arguments.workers, scheduler=arguments.scheduler)
-                ) as run,
-            ):
-                task = progress.add_task(what, total=len(batch.jobs), completed=kept)
-                for row in run:
-                    progress.advance(task)
-                    if row['error'] is not None:
-                        line = f'flightdyn: {row["key"]}: {row["error"]}'
-                        progress.console.print(line, markup=False, highlight=False, soft_wrap=True)
-        except KeyboardInterrupt:
-            print(
-                f'flightdyn: interrupted: {len(batch.jobs) - len(batch.pending)} of '
-                f'{len(batch.jobs)} {what} are done; run the same command again to go on',
-                file=sys.stderr,
-            )
-            return EXIT_CODES[ResultCode.CANCELLED]
-        summary = batch.write_summary()
-        failed = [row for row in batch.rows.values() if row['exit_code'] != 0]
-    figures = {
-        what: len(batch.jobs),
-        'done': len(batch.jobs) - len(failed) - kept,
-        'kept': kept,
-        'failed': len(failed),
-        'wall_s': time.monotonic() - start,
-        'summary': str(summary),
-    }
-    if arguments.json:
-        print(json.dumps(figures))
-    else:
-        print_rows(
-            [
-                (what, str(figures[what])),
-                ('  done', str(figures['done'])),
-                ('  done before', str(kept)),
-                ('  failed', str(len(failed))),
-                ('in', f'{figures["wall_s"]:.3g} s'),
-                ('written', str(summary)),
-            ]
-        )
-    return max((row['exit_code'] for row in failed), default=0)
 
 
 def info(arguments: argparse.Namespace) -> int:

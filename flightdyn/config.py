@@ -3,6 +3,7 @@
 import copy
 import difflib
 import math
+import re
 from collections.abc import Collection, Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -62,26 +63,43 @@ def check_keys(mapping: Any, known: Collection[str], where: str) -> dict[str, An
     return dict(mapping)
 
 
-def apply_setting(document: dict[str, Any], setting: str) -> None:
+def apply_setting(
+    document: dict[str, Any], setting: str, defaults: Mapping[str, Any] | None = None
+) -> None:
     """Override an entry of a document by 'KEY=VALUE'.
 
-    KEY may go down with dots (`final.x_e=2`), VALUE is YAML.
+    KEY may go down with dots (`final.x_e=2`) and into lists (`wind_ned[0]=3`), VALUE is YAML.
+
+    Parameters
+    ----------
+    defaults : mapping
+        What to go down into where the document has no such entry; an empty mapping else.
 
     Raises
     ------
     InputError
-        If it is not of this form, or KEY goes down into what is not a mapping.
+        If it is not of this form, or KEY goes down into what is no mapping or list.
     """
     key, equals, value = setting.partition('=')
-    if not equals or not key:
+    if not equals or not re.fullmatch(r'[^.\[\]]+(\.[^.\[\]]+|\[\d+\])*', key):
         raise InputError(f"--set {setting}: expected KEY=VALUE, such as 'final.x_e=2'")
-    *parents, last = key.split('.')
+    *parents, last = re.findall(r'[^.\[\]]+', key)
     node: Any = document
-    for parent in parents:
-        node = node.setdefault(parent, {})
-        if not isinstance(node, dict):
-            raise InputError(f'--set {setting}: {parent} is not a mapping')
-    node[last] = parse_yaml(value, f'--set {setting}')
+    for parent, below in zip(parents, [*parents, last][1:], strict=True):
+        if isinstance(node, list):
+            node = node[_index(node, parent, setting)]
+        else:
+            node = node.setdefault(parent, copy.deepcopy((defaults or {}).get(parent, {})))
+        if not isinstance(node, dict | list):
+            raise InputError(f'--set {setting}: {parent} is a value, and has no {below}')
+    place = _index(node, last, setting) if isinstance(node, list) else last
+    node[place] = parse_yaml(value, f'--set {setting}')
+
+
+def _index(items: list[Any], text: str, setting: str) -> int:
+    if not text.isdecimal() or int(text) >= len(items):
+        raise InputError(f'--set {setting}: expected [0] to [{len(items) - 1}], got [{text}]')
+    return int(text)
 
 
 def suggestion(name: str, known: Collection[str]) -> str:

@@ -1,15 +1,18 @@
 """Writing plans, flights and replays to files, the format by suffix."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .errors import InputError
 from .files import check_writable, written_whole
 from .trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from .logs.track import Track
 
 FIGURES = ('.png', '.svg', '.pdf')
 TABLES = ('.csv', '.parquet')
@@ -40,8 +43,13 @@ def write_flight(
     document: dict[str, Any],
     *,
     planned: Trajectory | None = None,
+    limits: Mapping[str, tuple[float, float]] | None = None,
 ) -> None:
-    """Write a plan or a simulated flight; `document` is what a .json file holds."""
+    """Write a plan or a simulated flight; `document` is what a .json file holds.
+
+    Figures of a simulated flight show it beside what was `planned`, those of a plan show `limits`.
+    Pictures and recordings show the `surroundings` that the document has.
+    """
     if path.suffix == '.mcap':
         from .logs.recording import write_flight_mcap
 
@@ -52,7 +60,7 @@ def write_flight(
         about = {'vehicle': flight.vehicle, 'model': flight.model}
         write_table({'time': flight.time, **flight.columns}, path, about)
     else:
-        _write_view(path, flight, document, planned)
+        _write_view(path, flight, document, planned, limits)
 
 
 def write_replay(
@@ -61,30 +69,54 @@ def write_replay(
     document: dict[str, Any],
     *,
     planned: Trajectory | None = None,
+    track: 'Track | None' = None,
 ) -> None:
-    """Write a replayed flight; `document` is what a .json file holds."""
+    """Write a replayed flight; `document` is what a .json file holds.
+
+    Figures mark which samples of the `track` were left out.
+    """
     if path.suffix in TABLES:
         from .replay.table import write_table
 
         write_table(flight, path)
     else:
-        _write_view(path, flight, document, planned)
+        _write_view(path, flight, document, planned, track=track)
 
 
 def _write_view(
-    path: Path, flight: Trajectory, document: dict[str, Any], planned: Trajectory | None
+    path: Path,
+    flight: Trajectory,
+    document: dict[str, Any],
+    planned: Trajectory | None,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+    track: 'Track | None' = None,
 ) -> None:
     if path.suffix == '.json':
         with written_whole(path) as temporary:
             temporary.write_text(json.dumps(document, indent=1) + '\n', encoding='utf-8')
     elif path.suffix == '.rrd':
         from .viewing.rerun_view import save_rrd
+        from .viewing.run_notes import run_events, run_lanes, run_properties, run_surroundings
 
-        save_rrd(path, flight, planned=planned, name=path.stem)
+        save_rrd(
+            path,
+            flight,
+            planned=planned,
+            name=path.stem,
+            surroundings=run_surroundings(document),
+            events=run_events(document, float(flight.time[0])),
+            lanes=run_lanes(document),
+            properties=run_properties(document),
+        )
     else:
-        from .viewing.figures import figure_for, save_figure
+        from .viewing.figures import About, figure_for, save_figure
+        from .viewing.run_notes import run_surroundings
 
-        save_figure(figure_for(flight), path)
+        about = About(document=document, limits=limits or {})
+        figure = figure_for(
+            flight, run_surroundings(document), about=about, planned=planned, track=track
+        )
+        save_figure(figure, path)
 
 
 def flight_document(flight: Trajectory, **more: Any) -> dict[str, Any]:

@@ -124,6 +124,10 @@ def body_from_geometry(v: Vector) -> Vector:
     return -v[0], v[1], -v[2]
 
 
+Q_BODY_GLTF = (0.5, -0.5, 0.5, -0.5)
+"""Attitude (w, x, y, z) of a glTF model (z forward, x left, y up) in body axes."""
+
+
 def direction(x: Vectorizable, y: Vectorizable, z: Vectorizable) -> tuple[Turn, Turn]:
     """Return the turns of a vector: first up out of the x-y plane, then from x towards y.
 

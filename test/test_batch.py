@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -35,12 +36,14 @@ def work(path: Path, *, n: int, deed: str = 'good') -> dict[str, Any]:
     if deed == 'killed':
         os.kill(os.getpid(), signal.SIGKILL)
     path.write_text(f'whole {n}')
-    return {'square': n * n}
+    if deed == 'said':
+        return {'exit_code': 3, 'code': 'INFEASIBLE', 'error': 'that is how it is'}
+    return {'square': n * n, 'process': os.getpid()}
 
 
 def jobs_of(deeds: dict[str, str], fingerprint: str = '1') -> list[Job]:
     return [
-        Job(key, f'in/{key}.txt', {'n': n, 'deed': deed}, fingerprint)
+        Job(key, f'in/{key}.txt', {'n': n, 'deed': deed}, fingerprint, {'n': n})
         for n, (key, deed) in enumerate(deeds.items())
     ]
 
@@ -71,6 +74,10 @@ def test_a_bad_job_stops_none_and_a_second_run_does_what_is_missing(tmp_path: Pa
     assert table['error'][1] == 'log 1 is bad'
     assert 'was killed' in table['error'][2]
     assert table['error'][3] == 'ZeroDivisionError: not foreseen'
+    assert table['code'].tolist() == [
+        *('SUCCESS', 'BAD_REQUEST', 'INTERNAL', 'INTERNAL', 'SUCCESS', 'SUCCESS')
+    ]
+    assert table['output'].tolist() == ['in/a.txt', None, None, None, 'in/e.txt', 'in/f.txt']
     assert table['n'].tolist() == list(range(6))
     np.testing.assert_array_equal(table['square'], [0, np.nan, np.nan, np.nan, 16, 25])
 
@@ -82,6 +89,31 @@ def test_a_bad_job_stops_none_and_a_second_run_does_what_is_missing(tmp_path: Pa
     assert table['exit_code'].tolist() == [0, 0, 0, 2, 0, 2]
     # f's result was that of what f was before
     assert files(tmp_path) == ['in/a.txt', 'in/b.txt', 'in/c.txt', 'in/e.txt']
+
+
+def test_a_failure_that_is_a_result_is_kept(tmp_path: Path) -> None:
+    done, table = run(tmp_path, jobs_of({'a': 'said', 'b': 'good'}), workers=1)
+    assert done == ['a', 'b']
+    done, again = run(tmp_path, jobs_of({'a': 'said', 'b': 'good'}), workers=1)
+    assert done == []
+    for columns in (table, again):
+        assert columns['code'].tolist() == ['INFEASIBLE', 'SUCCESS']
+        assert columns['exit_code'].tolist() == [3, 0]
+        assert columns['error'].tolist() == ['that is how it is', None]
+    assert files(tmp_path) == ['in/a.txt', 'in/b.txt']
+
+
+def test_a_group_is_done_by_one_process(tmp_path: Path) -> None:
+    jobs = [
+        replace(job, group=f'group {n // 5}')
+        for n, job in enumerate(jobs_of(dict.fromkeys(map(str, range(30)), 'good')))
+    ]
+    done, table = run(tmp_path, jobs, workers=2)
+    assert len(done) == 30
+    processes = [set(part) for part in np.split(table['process'], 6)]
+    assert len(set.union(*processes)) == 2
+    # at the very end the one that has nothing left helps the other
+    assert sum(len(each) == 1 for each in processes) >= 5
 
 
 def test_nothing_to_do_starts_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -109,7 +141,8 @@ def test_a_journal_cut_short_costs_one_job(tmp_path: Path) -> None:
     (tmp_path / 'in').mkdir()
     lines = ''
     for job in jobs:
-        row = run_job(work, str(tmp_path), job.output, dict(job.arguments))
+        row = {'exit_code': 0, 'output': job.output}
+        row |= run_job(work, str(tmp_path), job.output, dict(job.arguments))
         lines += json.dumps({'key': job.key, 'fingerprint': '1', 'row': row}) + '\n'
     (tmp_path / JOURNAL).write_text(lines[:-20])
     with Batch(tmp_path, jobs, work) as batch:

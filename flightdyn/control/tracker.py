@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..dynamics.stage import Stage
+from ..dynamics.stage import Model, Stage
 from ..errors import InputError
 from ..simulation.steering import OpenLoop
 from ..trajectory import Trajectory
@@ -169,15 +169,17 @@ def track(
     vehicle: Vehicle,
     plan: Trajectory,
     *,
+    model: Model | None = None,
     weights: Weights | None = None,
     period: float | None = None,
     wind: ArrayLike | None = None,
 ) -> Tracker:
     """Return the controller that a vehicle tracks a plan with, within its ranges and rates.
 
-    Give the vehicle as it is believed to be: a simulator may fly another.
+    Give the vehicle as it is believed to be: a simulator may fly another. Its `model` is needed
+    where the wind varies by place.
     """
-    model = vehicle.model()
+    model = model or vehicle.model()
     return Tracker(
         model.stage(),
         plan,

@@ -151,7 +151,8 @@ def differentiated(
         own = [[cas.dot(weight, found[_orders(call, i, j)]) for j in axes] for i in axes]
         bend += cas.mtimes([part.T, cas.blockcat(own), part])
     pulled = [cas.mtimes(j.T, weight) for j, weight in zip(jacobians, weights, strict=True)]
-    results = _substituted([value, slope, cas.triu(bend)], pulls[::-1], pulled[::-1])
+    groups = [([pull], [weight]) for pull, weight in zip(pulls, pulled, strict=True)]
+    results = _substituted([value, slope, cas.triu(bend)], groups[::-1])
     results = cas.cse([*results, *inputs])  # as in `written_out`
     value, slope, upper = _inserted(results[:3], calls, results[3:], every)
     return value, slope, cas.triu2symm(upper)
@@ -186,21 +187,23 @@ def _inserted(
     symbols: Sequence[Mapping[Orders, cas.SX]],
 ) -> list[cas.SX]:
     """Return expressions with partial derivatives of calls at inputs in place of symbols."""
-    replaced: list[cas.SX] = []
-    definitions: list[Any] = []
+    groups: list[tuple[list[Any], list[Any]]] = []
     for call, at, by_orders in zip(calls, inputs, symbols, strict=True):
         found = call.function.partials(cas.vertsplit(at), max(map(sum, by_orders)))
-        for orders, symbol in by_orders.items():
-            replaced.append(symbol)
-            definitions.append(cas.vertcat(*found[orders]))
-    return _substituted(expressions, replaced, definitions)
+        definitions = [cas.vertcat(*found[orders]) for orders in by_orders]
+        groups.append((list(by_orders.values()), definitions))
+    return _substituted(expressions, groups)
 
 
 def _substituted(
-    expressions: Sequence[cas.SX], symbols: Sequence[cas.SX], definitions: Sequence[cas.SX]
+    expressions: Sequence[cas.SX], groups: Sequence[tuple[list[Any], list[Any]]]
 ) -> list[cas.SX]:
-    """Return expressions with symbols replaced; definitions may hold symbols before their own."""
-    if not symbols:
-        return list(expressions)
-    _, found = cas.substitute_inplace(list(symbols), list(definitions), list(expressions))
-    return list(found)
+    """Return expressions with groups of symbols replaced by their definitions.
+
+    Definitions may hold symbols of groups before their own.
+    """
+    found = list(expressions)
+    # one group at a time: CasADi's `substitute_inplace` fails where functions are called
+    for symbols, definitions in reversed(groups):
+        found = cas.substitute(found, symbols, definitions)
+    return found

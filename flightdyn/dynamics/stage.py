@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from .. import numpy as np
 from ..config import suggestion
 from ..environment.atmosphere import Atmosphere
-from ..environment.wind import ConstantWind, Wind
+from ..environment.surroundings import NOTHING, Surroundings
+from ..environment.surroundings_outputs import SOURCE_LEVEL, surroundings_outputs
+from ..environment.wind import ConstantWind, ScaledWind, Wind
 from ..errors import InputError
 from ..frames import Rotation, euler_from_rotation, transpose
 from ..numpy import Vectorizable
@@ -31,6 +33,9 @@ KINEMATICS = (
     *('speed', 'gamma', 'track', 'bank', 'alpha', 'beta', 'airspeed', 'load_factor'),
 )
 """Outputs of every stage function, but for those that are states or controls already."""
+
+WIND_STRENGTH = 'wind_strength'
+"""The state that a model's own wind is multiplied by, if it has one."""
 
 Attach = Callable[[Dynamics, Mapping[str, Vectorizable]], Mapping[str, Vectorizable] | None]
 
@@ -57,7 +62,12 @@ class Model:
         States beside the class's, such as the mass of fuel or the charge of a battery.
     wind : callable (x_e, y_e, z_e, time) -> (x, y, z), optional
         Where the air moves to, earth axes [m/s]; the stage's parameters add to it.
+    free_wind : bool
+        Whether that wind is multiplied by a further state, `wind_strength`, which stays as it is:
+        for planners to find it, or to change it without tracing the model again.
     atmosphere : callable of altitude [m] -> Atmosphere
+    surroundings : Surroundings
+        The stage puts out what `surroundings_outputs` tells of them.
     """
 
     vehicle: str
@@ -67,12 +77,15 @@ class Model:
     attach: Attach
     extra_states: tuple[str, ...] = ()
     wind: Wind | None = None
+    free_wind: bool = False
     atmosphere: Callable[[Vectorizable], Atmosphere] = Atmosphere
+    surroundings: Surroundings = NOTHING
 
     @property
     def states(self) -> tuple[str, ...]:
         """Names of the class's states and the extra ones."""
-        return (*self.dynamics.states, *self.extra_states)
+        strength = (WIND_STRENGTH,) if self.free_wind else ()
+        return (*self.dynamics.states, *self.extra_states, *strength)
 
     def stage(self) -> 'Stage':
         """Trace the model with scalar symbols."""
@@ -82,9 +95,13 @@ class Model:
         p = {name: cas.SX.sym(name) for name in PARAMETERS}
         steered = (*self.dynamics.indirect_controls, *self.dynamics.rotor_momenta)
         mass_props = self.mass_props(extra) if callable(self.mass_props) else self.mass_props
+        wind, steady = self.wind, {}
+        if self.free_wind:
+            steady[WIND_STRENGTH] = cas.SX.sym(WIND_STRENGTH)
+            wind = None if wind is None else ScaledWind(wind, steady[WIND_STRENGTH])
         dyn = self.dynamics(
             mass_props=mass_props,
-            wind=ConstantWind(*(p[name] for name in WIND)) + self.wind,
+            wind=ConstantWind(*(p[name] for name in WIND)) + wind,
             time=p['time'],
             atmosphere=self.atmosphere,
             **x,
@@ -92,9 +109,16 @@ class Model:
         )
         with recorded() as calls:
             attached = self.attach(dyn, u | extra) or {}
-            x |= extra
+            x |= extra | steady
             derivatives = dyn.state_derivatives() | {name: attached[name] for name in extra}
+            derivatives |= dict.fromkeys(steady, 0.0)
             every = _kinematics(dyn) | {k: v for k, v in attached.items() if k not in extra}
+            every |= surroundings_outputs(
+                self.surroundings,
+                (every['x_e'], every['y_e'], every['z_e']),
+                dyn.velocity_earth,
+                every.get(SOURCE_LEVEL),
+            )
         outputs = {k: v for k, v in every.items() if k not in x and k not in u}
         traced = Outline(
             cas.vertcat(*x.values()),
@@ -115,7 +139,7 @@ class Model:
                 ['x', 'u', 'p'],
                 ['dx', 'outputs'],
             ),
-            tuple(float(getattr(self.dynamics, name, 0.0)) for name in x),
+            tuple(float(getattr(self.dynamics, name, name in steady)) for name in x),
             traced,
         )
 
@@ -145,7 +169,7 @@ class Stage:
     """A traced model: f(x, u, p) -> dx/dt, outputs, and the names of their rows.
 
     `rest` is the state of what nothing else is said: 0, but for an attitude quaternion of
-    length 1. `traced` is for derivatives, see `outline`.
+    length 1 and a wind as strong as it was given. `traced` is for derivatives, see `outline`.
     """
 
     states: tuple[str, ...]

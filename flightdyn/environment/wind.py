@@ -2,8 +2,8 @@
 
 A wind is any callable `wind(x_e, y_e, z_e, time)` that returns where the air moves to, north,
 east and down [m/s]. Those here depend on nothing but the height `-z_e` above the origin of the
-earth axes, which is the height above the ground if the origin is on it. They take floats, arrays
-and CasADi symbols, and have two continuous derivatives.
+earth axes, which is the height above the ground if the origin is on it; updraughts are in
+`thermals`. They take floats, arrays and CasADi symbols, and have two continuous derivatives.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def as_wind(value: Wind | Sequence[Vectorizable] | None) -> Wind | None:
     return ConstantWind(x, y, z)
 
 
-class _Summable:
+class Summable:
     """A wind that can be added to another, `wind_a + wind_b`, or to three components."""
 
     def __call__(
@@ -60,7 +60,7 @@ class _Summable:
 
 
 @dataclass(frozen=True)
-class SumOfWinds(_Summable):
+class SumOfWinds(Summable):
     """Several winds at once."""
 
     winds: tuple[Wind, ...]
@@ -73,7 +73,21 @@ class SumOfWinds(_Summable):
 
 
 @dataclass(frozen=True)
-class ConstantWind(_Summable):
+class ScaledWind(Summable):
+    """A wind times a factor."""
+
+    wind: Wind
+    factor: Vectorizable
+
+    def __call__(
+        self, x_e: Vectorizable, y_e: Vectorizable, z_e: Vectorizable, time: Vectorizable
+    ) -> Vector:
+        x, y, z = self.wind(x_e, y_e, z_e, time)
+        return self.factor * x, self.factor * y, self.factor * z
+
+
+@dataclass(frozen=True)
+class ConstantWind(Summable):
     """The same wind everywhere.
 
     Parameters
@@ -92,7 +106,7 @@ class ConstantWind(_Summable):
     z: Vectorizable = 0.0
 
     def __post_init__(self) -> None:
-        _check_finite(self)
+        check_finite(self)
 
     @classmethod
     def from_direction(cls, speed: Vectorizable, from_deg: Vectorizable) -> ConstantWind:
@@ -107,7 +121,37 @@ class ConstantWind(_Summable):
 
 
 @dataclass(frozen=True)
-class PowerLawWind(_Summable):
+class ShearWind(Summable):
+    """Level wind that grows in proportion to the height, without end, and reverses below 0.
+
+    Parameters
+    ----------
+    gradient : Vectorizable
+        Wind speed over height [1/s].
+    from_deg : Vectorizable
+        Direction the wind comes from [deg], 0 north, 90 east.
+
+    Raises
+    ------
+    InputError
+        If a number is not finite.
+    """
+
+    gradient: Vectorizable
+    from_deg: Vectorizable
+
+    def __post_init__(self) -> None:
+        check_finite(self)
+
+    def __call__(
+        self, x_e: Vectorizable, y_e: Vectorizable, z_e: Vectorizable, time: Vectorizable
+    ) -> Vector:
+        north, east = _blowing_to(self.gradient, self.from_deg)
+        return -north * z_e, -east * z_e, 0.0
+
+
+@dataclass(frozen=True)
+class PowerLawWind(Summable):
     """Level wind that grows with a power of the height.
 
     Parameters
@@ -138,8 +182,8 @@ class PowerLawWind(_Summable):
     exponent: float = 1 / 7
 
     def __post_init__(self) -> None:
-        _check_finite(self)
-        _check_positive(self, 'reference_height', 'exponent')
+        check_finite(self)
+        check_positive(self, 'reference_height', 'exponent')
 
     def __call__(
         self, x_e: Vectorizable, y_e: Vectorizable, z_e: Vectorizable, time: Vectorizable
@@ -154,7 +198,7 @@ class PowerLawWind(_Summable):
 
 
 @dataclass(frozen=True)
-class LogWind(_Summable):
+class LogWind(Summable):
     """Level wind that grows with the logarithm of the height: the neutral surface layer.
 
     Parameters
@@ -191,8 +235,8 @@ class LogWind(_Summable):
     roughness: float = 0.03
 
     def __post_init__(self) -> None:
-        _check_finite(self)
-        _check_positive(self, 'reference_height', 'roughness')
+        check_finite(self)
+        check_positive(self, 'reference_height', 'roughness')
         if self.reference_height <= self.roughness:
             raise InputError(
                 f'reference_height {self.reference_height} m must be above the roughness, '
@@ -212,7 +256,7 @@ class LogWind(_Summable):
 
 
 @dataclass(frozen=True, eq=False)
-class TableWind(_Summable):
+class TableWind(Summable):
     """Wind by a table over the height.
 
     Parameters
@@ -328,14 +372,30 @@ def _blowing_to(speed: Vectorizable, from_deg: Vectorizable) -> tuple[Vectorizab
     return -speed * np.cos(direction), -speed * np.sin(direction)
 
 
-def _check_finite(wind: Any) -> None:
+def check_finite(wind: Any, *, but: str = '') -> None:
+    """Refuse a wind with a number that is not finite, but for one that may be infinite.
+
+    Raises
+    ------
+    InputError
+        Naming the number.
+    """
     for field in fields(wind):
         value = getattr(wind, field.name)
-        if not is_symbolic(value) and not _np.isfinite(value).all():
+        if is_symbolic(value) or (field.name == but and not _np.isnan(value)):
+            continue
+        if not _np.isfinite(value).all():
             raise InputError(f'{type(wind).__name__}: {field.name} is {value}, not finite')
 
 
-def _check_positive(wind: Any, *names: str) -> None:
+def check_positive(wind: Any, *names: str) -> None:
+    """Refuse a wind with a number among those named that is not positive.
+
+    Raises
+    ------
+    InputError
+        Naming the number.
+    """
     for name in names:
         value = getattr(wind, name)
         if not value > 0:

@@ -53,6 +53,7 @@ Bytes = NDArray[np.uint8]
 Offsets = NDArray[np.int64]
 
 MAX_CHUNK_BYTES = 256 * 2**20
+_SHOWN = 40  # characters of a text in the file that a message shows
 """Largest unpacked chunk that is accepted; recorders write 1 to 16 MiB."""
 
 
@@ -301,8 +302,8 @@ class McapFile:
             )
         if compression not in ('', 'none', 'lz4', 'zstd'):
             raise LogError(
-                f"{self.path}: byte {at}: chunk compression '{compression}' is not supported; "
-                'known: zstd, lz4, none'
+                f'{self.path}: byte {at}: chunk compression {_shortened(compression)} is not '
+                'supported; known: zstd, lz4, none'
             )
         if size > self.max_chunk_bytes:
             raise LogError(
@@ -540,3 +541,8 @@ class McapFile:
 
     def _fail(self, damage: DamageError) -> NoReturn:
         raise LogError(f'{self.path}: {damage}') from None
+
+
+def _shortened(text: str) -> str:
+    """Return a text of the file as it may be shown: damaged files hold anything, of any length."""
+    return f'{text!r}' if len(text) <= _SHOWN else f'{text[:_SHOWN]!r}...'

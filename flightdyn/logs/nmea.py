@@ -1,5 +1,7 @@
 """NMEA 0183 sentences in nmea_msgs/Sentence: GGA for position and altitude, RMC for the date.
 
+Without any GGA, RMC tells the position, and there is no altitude.
+
 References
 ----------
 .. [1] NMEA 0183, sentences GGA and RMC
@@ -23,31 +25,40 @@ _QUALITY_ESTIMATED = 6  # dead reckoning; 7 manual input and 8 simulator are no 
 def sentence_measurements(columns: Columns, rows: Rows, warnings: list[str]) -> Measured:
     """Read GGA sentences; their time of day gets its date from RMC, else from the recorder.
 
-    RMC tells speed and course but no vertical speed: no velocity is taken from it.
+    Where there is no GGA at all RMC tells the position, and the altitude is unknown. RMC tells
+    speed and course but no vertical speed: no velocity is taken from it.
     """
-    count = len(columns)
-    lat, lon, altitude = (np.full(count, np.nan) for _ in range(3))
-    of_day = np.full(count, -1, np.int64)
-    dates = np.full(count, -1, np.int64)
-    no_sum, other, no_fix, broken = (np.zeros(count, bool) for _ in range(4))
-    on_ellipsoid = np.zeros(count, bool)
-    for row in np.flatnonzero(columns.fault == 0):
-        text = str(columns['sentence'][row]).strip()
-        parts = _parts(text)
+    sentences = [
+        _parts(str(columns['sentence'][row]).strip()) if columns.fault[row] == 0 else None
+        for row in range(len(columns))
+    ]
+    kinds = [parts[0][2:] if parts else '' for parts in sentences]
+    wanted = 'GGA' if 'GGA' in kinds or 'RMC' not in kinds else 'RMC'
+    lat, lon, altitude = (np.full(len(columns), np.nan) for _ in range(3))
+    of_day = np.full(len(columns), -1, np.int64)
+    dates = np.full(len(columns), -1, np.int64)
+    no_fix, broken = (np.zeros(len(columns), bool) for _ in range(2))
+    on_ellipsoid = np.zeros(len(columns), bool)
+    for row, parts in enumerate(sentences):
         if parts is None:
-            no_sum[row] = True
             continue
         try:
-            if parts[0][2:] == 'RMC' and parts[2] == 'A':
+            if kinds[row] == 'RMC' and parts[2] == 'A':
                 of_day[row], dates[row] = _time_of_day(parts[1]), _date(parts[9])
-            if parts[0][2:] != 'GGA':
-                other[row] = True
+            if kinds[row] != wanted:
                 continue
-            if not 0 < int(parts[6] or 0) < _QUALITY_ESTIMATED:
-                no_fix[row] = True
+            if wanted == 'RMC':
+                no_fix[row] = parts[2] != 'A'
+                place = parts[3:7]
+            else:
+                no_fix[row] = not 0 < int(parts[6] or 0) < _QUALITY_ESTIMATED
+                place = parts[2:6]
+            if no_fix[row]:
                 continue
-            lat[row] = _degrees(parts[2], 2, parts[3] == 'S')
-            lon[row] = _degrees(parts[4], 3, parts[5] == 'W')
+            lat[row] = _degrees(place[0], 2, place[1] == 'S')
+            lon[row] = _degrees(place[2], 3, place[3] == 'W')
+            if wanted == 'RMC':
+                continue
             altitude[row] = float(parts[9] or 'nan')
             if parts[11]:
                 altitude[row] += float(parts[11])
@@ -55,10 +66,16 @@ def sentence_measurements(columns: Columns, rows: Rows, warnings: list[str]) -> 
             of_day[row] = _time_of_day(parts[1])
         except (ValueError, IndexError):
             broken[row] = True
-    rows.drop(no_sum, 'no NMEA sentence or wrong checksum')
-    rows.drop(other, 'another NMEA sentence')
+    is_none = np.array([parts is None for parts in sentences], bool)
+    rows.drop(is_none & (columns.fault == 0), 'no NMEA sentence or wrong checksum')
+    rows.drop(~is_none & (np.array(kinds) != wanted), 'another NMEA sentence')
     rows.drop(broken, 'not an NMEA position')
     rows.drop(no_fix, 'no fix')
+    if wanted == 'RMC':
+        drop_no_positions(rows, lat, lon, np.zeros_like(altitude))
+        warnings.append('positions are those of RMC, as there is no GGA: the altitude is unknown')
+        stamp = _stamp(columns, of_day, dates)
+        return Measured(stamp=stamp, lat=lat, lon=lon, altitude=altitude, datum='unknown')
     used = rows.used
     datum_known = bool(on_ellipsoid[used].mean() > 0.5) if used.size else True
     rows.drop(on_ellipsoid != datum_known, 'another altitude datum')

@@ -1,7 +1,7 @@
 """Measured columns of one source in a log, before anything is reconstructed from them."""
 
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,3 +82,12 @@ class Track:
 
     def __len__(self) -> int:
         return int(self.time_ns.size)
+
+    def first(self, count: int) -> 'Track':
+        """Return the first samples alone; what is said of all the messages stays."""
+        columns: dict[str, Any] = {
+            name: values[:count]
+            for name, values in vars(self).items()
+            if isinstance(values, np.ndarray)
+        }
+        return replace(self, **columns)

@@ -6,13 +6,13 @@ for, and says so in the others.
 """
 
 import copy
-import importlib
 import inspect
 from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any, Literal
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, JumpThreshold
 from rclpy.clock_type import ClockType
 from rclpy.context import Context
@@ -75,10 +75,13 @@ class BaseNode(LifecycleNode):
         self, name: str, kind: type[NodeParameters], *, context: Context | None = None
     ) -> None:
         super().__init__(name, context=context)
+        # On one thread callbacks exclude each other anyhow; one that awaits lets the others run.
+        self._default_callback_group = ReentrantCallbackGroup()
         self.is_configured = self.is_active = False
         self.view: Any = None
         """The viewer, a `flightdyn.viewing.live.LiveView`, if there is one."""
         self._failure: Exception | None = None
+        self._is_starting = False
         self._ignored = 0
         self._timers_when: list[tuple[Any, When]] = []
         self.parameters = Parameters(
@@ -142,10 +145,14 @@ class BaseNode(LifecycleNode):
         if not self.parameters.values.autostart:
             self.get_logger().info('waiting to be configured and activated')
             return
-        for trigger in (self.trigger_configure, self.trigger_activate):
-            if trigger() != SUCCESS:
-                assert self._failure is not None
-                raise self._failure
+        self._is_starting = True
+        try:
+            for trigger in (self.trigger_configure, self.trigger_activate):
+                if trigger() != SUCCESS:
+                    assert self._failure is not None
+                    raise self._failure
+        finally:
+            self._is_starting = False
 
     def finalize(self) -> None:
         """Go through the shutdown transition, if the node has not been shut down yet."""
@@ -213,7 +220,8 @@ class BaseNode(LifecycleNode):
             said = str(error) if known else f'{type(error).__name__}: {error}'
             if first:
                 self._failure = error if known else FlightdynError(said)
-            self.get_logger().error(f'cannot be {what}: {said}')
+            if not self._is_starting:  # who starts the node hears of it
+                self.get_logger().error(f'cannot be {what}: {said}')
             return FAILURE if known else ERROR
         return SUCCESS
 
@@ -221,13 +229,13 @@ class BaseNode(LifecycleNode):
         url = self.parameters.values.viewer
         if url:
             try:
-                live = importlib.import_module('flightdyn.viewing.live')
+                from ..viewing.live import LiveView
             except ImportError as error:
                 raise InputError(
                     f"parameter viewer: needs the extra 'view': pip install 'flightdyn[view]' "
                     f'({error})'
                 ) from None
-            self.view = live.LiveView(url, name=self.get_fully_qualified_name())
+            self.view = LiveView(url, name=self.get_fully_qualified_name())
 
     def _close_view(self) -> None:
         view, self.view = self.view, None

@@ -184,7 +184,7 @@ def _replay_glider(folder: Path, log: Path) -> list[Check]:
     flight = replace(replay.trajectory, vehicle='Discus 2')
     write_table(flight, folder / 'glider.parquet')
     save_rrd(folder / 'glider.rrd', flight, name='Discus 2')
-    figures.save_figure(figures.ground_track_figure(flight), folder / 'glider.png')
+    figures.save_figure(figures.replay_figure(flight, track=replay.track), folder / 'glider.png')
     summary = replay.summary()
     checks = [
         Check('glider: fixes replayed', summary['used'], ''),

@@ -21,7 +21,7 @@ def folder(path: str, what: str) -> Path | None:
     return resolved
 
 
-def file_below(root: Path | None, name: str, what: str) -> Path:
+def file_below(root: Path | None, name: str, what: str, *, folders: bool = False) -> Path:
     """Return the file of a name, wherever its links lead, if it is below a folder.
 
     Parameters
@@ -30,6 +30,8 @@ def file_below(root: Path | None, name: str, what: str) -> Path:
         None allows any file. A relative name is one below the root, or the working folder.
     what : str
         Where the name comes from, for the message, such as `parameter log`.
+    folders : bool
+        Whether it may be a folder, as a ROS 2 bag is.
 
     Raises
     ------
@@ -43,6 +45,6 @@ def file_below(root: Path | None, name: str, what: str) -> Path:
     path = (path if root is None else root / path).resolve()
     if root is not None and not path.is_relative_to(root):
         raise InputError(f'{what}: {name} is outside {root}')
-    if not path.is_file():
+    if not (path.is_file() or (folders and path.is_dir())):
         raise InputError(f'{what}: there is no file {name}')
     return path

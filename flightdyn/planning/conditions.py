@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .guess import guess_columns, guess_durations
+from .guess import Guess
+from .keep_clear import clear_bounds
 from .layout import Layout, Structure
 from .mesh import Mesh
 from .problem import UNBOUNDED, Bounds, Problem
@@ -40,6 +41,7 @@ def structure(problem: Problem, mesh: Mesh) -> Structure:
         along=tuple(along),
         ends=tuple(ends),  # type: ignore[arg-type]
         rated=tuple(name for name in stage.controls if name in problem.vehicle.rates),
+        changing=tuple(problem.change),
     )
 
 
@@ -63,6 +65,10 @@ def without_conditions(problem: Problem) -> Problem:
     states = problem.stage.states
     initial = {name: bounds for name, bounds in problem.initial.items() if name in states}
     duration = (LEAST_DURATION * problem.duration[0], problem.duration[1] / LEAST_DURATION)
+    # kept by name: they are part of the structure
+    change = dict.fromkeys(problem.change, UNBOUNDED)
+    clear = {name for name in clear_bounds(problem.surroundings) if name not in states}
+    problem = replace(problem, change=change, aside=problem.aside | clear)
     if not problem.phases:
         return replace(problem, initial=initial, final={}, path={}, duration=duration)
     phases = [
@@ -132,40 +138,42 @@ def _bounds(problem: Problem, layout: Layout) -> Array:
             keep(variable, leg.initial.get(each.name, UNBOUNDED))
         if (each.interval, each.position) == (last, 1.0):
             keep(variable, leg.final.get(each.name, UNBOUNDED))
+    for variable, name in zip(layout.changes, layout.structure.changing, strict=True):
+        keep(variable, problem.change[name])
     for row, name in enumerate(layout.structure.rated):
         keep(layout.rates[row], (-problem.vehicle.rates[name], problem.vehicle.rates[name]))
     return limits
 
 
-def guess(problem: Problem, layout: Layout) -> Array:
-    """Return the problem's guess of the variables, in SI units; outputs and integrals are 0."""
+def guess(story: Guess, layout: Layout) -> Array:
+    """Return a guess of the variables, in SI units; outputs and integrals are 0."""
     mesh = layout.mesh
     values = np.zeros(layout.size)
-    for i in range(len(problem.legs)):
+    for i in range(story.durations.size):
         first, last = int(mesh.edges[i]), int(mesh.edges[i + 1])
         cuts = np.array(mesh.cuts[i])
-        values[layout.nodes[:, first : last + 1]] = guess_columns(
-            problem, layout.state_names, i, cuts
-        )
+        values[layout.nodes[:, first : last + 1]] = story.columns(layout.state_names, i, cuts)
         inner = cuts[:-1] + mesh.points[:-1, None] * np.diff(cuts)
-        columns = guess_columns(problem, layout.state_names, i, inner.ravel())
+        columns = story.columns(layout.state_names, i, inner.ravel())
         values[layout.inside[:, :, first:last]] = columns.reshape(
             len(layout.state_names), *inner.shape
         )
         for at, position in enumerate(mesh.control_positions):
             positions = cuts[:-1] + position * np.diff(cuts)
-            values[layout.steering[:, at, first:last]] = guess_columns(
-                problem, layout.control_names, i, positions
+            values[layout.steering[:, at, first:last]] = story.columns(
+                layout.control_names, i, positions
             )
-    durations = guess_durations(problem)
-    values[layout.durations] = durations
-    values[layout.total] = durations.sum()
+    for variable, name in zip(layout.changes, layout.structure.changing, strict=True):
+        first, last = layout.first_and_last(name)
+        values[variable] = values[last] - values[first]
+    values[layout.durations] = story.durations
+    values[layout.total] = story.durations.sum()
     soft = [variable for variable, _ in layout.structure.soft]
     values[layout.companions] = values[soft]
     return values
 
 
-def scales(problem: Problem, layout: Layout) -> Array:
+def scales(problem: Problem, story: Guess, layout: Layout) -> Array:
     """Return the expected magnitude of each variable, the same for each value of a quantity."""
     legs = problem.legs
     fractions = np.linspace(0, 1, 11)
@@ -177,18 +185,19 @@ def scales(problem: Problem, layout: Layout) -> Array:
         ]
         for i in range(len(legs)):
             known += [*problem.limits(name, i)]
-            known += guess_columns(problem, (name,), i, fractions).ravel().tolist()
+            known += story.columns((name,), i, fractions).ravel().tolist()
         sizes[name] = _size(known)
     for name, phase in dict.fromkeys((each.name, each.phase) for each in layout.bounded):
         if name not in sizes:
             ends = _numbers(name, (legs[phase].initial, legs[phase].final))
             sizes[name] = _size([*ends, *problem.limits(name, phase)])
     scale = np.array([sizes.get(kind, 1.0) for kind in layout.kinds])
-    durations = guess_durations(problem)
     for row, name in enumerate(layout.structure.rated):
         scale[layout.rates[row]] = problem.vehicle.rates[name]
-    scale[layout.durations] = durations
-    scale[layout.total] = durations.sum()
+    for variable, name in zip(layout.changes, layout.structure.changing, strict=True):
+        scale[variable] = sizes[name]
+    scale[layout.durations] = story.durations
+    scale[layout.total] = story.durations.sum()
     soft = [variable for variable, _ in layout.structure.soft]
     for places in (layout.companions, layout.above, layout.below):
         scale[places] = scale[soft]

@@ -30,6 +30,8 @@ class Structure:
         Bounded at its beginning and at its end alone: (first, last).
     rated : names of controls
         Whose rates are limited.
+    changing : names of states and controls
+        Whose change from the beginning to the end is bounded.
     soft : pairs (variable, price)
         Conditions that may be missed: a companion keeps the bounds of each of these variables,
         and what the variable is off is paid for, by so much a unit (SI).
@@ -42,6 +44,7 @@ class Structure:
     along: tuple[tuple[str, ...], ...] = ((),)
     ends: tuple[tuple[tuple[str, ...], tuple[str, ...]], ...] = (((), ()),)
     rated: tuple[str, ...] = ()
+    changing: tuple[str, ...] = ()
     soft: tuple[tuple[int, float], ...] = ()
 
 
@@ -68,8 +71,9 @@ class Layout:
     """Places of a programme's variables.
 
     In order: states at the nodes, states at points inside intervals, controls, bounded outputs,
-    rates of controls, integrals, the duration of each phase, the duration of all of them if there
-    are several; of soft conditions the companions, and how far above and below them.
+    rates of controls, bounded changes, integrals, the duration of each phase, the duration of all
+    of them if there are several; of soft conditions the companions, and how far above and below
+    them.
 
     Attributes
     ----------
@@ -78,6 +82,7 @@ class Layout:
     controls : int array (nu, values)
     outputs : int array (ny,)
     rates : int array (nr, steps)
+    changes : int array (nc,)
     integrals : int array (k,)
     durations : int array (phases,)
     total : int
@@ -103,6 +108,7 @@ class Layout:
         self.bounded = self._bounded()
         self.outputs = self._take(len(self.bounded))
         self.rates = self._take(max(mesh.control_values - 1, 0), len(structure.rated)).T
+        self.changes = self._take(len(structure.changing))
         self.integrals = self._take(integrals)
         self.durations = self._take(len(mesh.cuts))
         several = len(mesh.cuts) > 1
@@ -166,6 +172,14 @@ class Layout:
         states = self.nodes[:, 0], self.nodes[:, -1]
         return np.concatenate([states[0], first, states[1], last, self.durations])
 
+    def first_and_last(self, name: str) -> tuple[int, int]:
+        """Return the variables of a state or control at the beginning and at the end."""
+        if name in self.state_names:
+            states = self.nodes[self.state_names.index(name)]
+            return int(states[0]), int(states[-1])
+        controls = self.steering[self.control_names.index(name)]
+        return int(controls[0, 0]), int(controls[-1, -1])
+
     @cached_property
     def kinds(self) -> NDArray[np.object_]:
         """Name of the quantity that each variable is a value of (size,)."""
@@ -176,6 +190,7 @@ class Layout:
         kinds[self.outputs] = [each.name for each in self.bounded]
         rated = [f'rate of {name}' for name in self.structure.rated]
         kinds[self.rates] = np.array(rated, object)[:, None]
+        kinds[self.changes] = [f'change of {name}' for name in self.structure.changing]
         kinds[self.integrals] = 'objective'
         kinds[self.durations] = 'duration'
         kinds[self.total] = 'duration'

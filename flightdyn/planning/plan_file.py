@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..environment.wind_file import wind_document
 from ..errors import InputError
 from ..trajectory import Trajectory
 from .report import Plan
@@ -14,8 +15,8 @@ from .report import Plan
 KEYS = (
     *('problem', 'vehicle', 'model', 'converged', 'verified', 'status', 'message', 'objective'),
     *('final_time', 'iterations', 'wall_s', 'build_s', 'nodes', 'transcription', 'verification'),
-    *('constraint_violation', 'warnings', 'arcs', 'remedies', 'missed', 'optima'),
-    *('control_interpolation', 'wind_ned'),
+    *('constraint_violation', 'warnings', 'arcs', 'remedies', 'missed', 'optima', 'alternatives'),
+    *('control_interpolation', 'wind_ned', 'wind', 'surroundings'),
     *('time', 'states', 'controls', 'outputs'),
 )
 
@@ -31,10 +32,13 @@ def plan_document(plan: Plan) -> dict[str, Any]:
         'model': trajectory.model,
         'control_interpolation': trajectory.control_interpolation,
         'wind_ned': list(plan.wind_ned),
+        'wind': wind_document(plan.wind),
+        'surroundings': plan.surroundings.to_dict(),
         'optima': [
             {'objective': each.report.objective, 'final_time': each.report.final_time}
             for each in (plan, *plan.others)
         ],
+        'alternatives': [asdict(each) for each in plan.alternatives],
         'time': trajectory.time.tolist(),
     }
     for group in ('states', 'controls', 'outputs'):

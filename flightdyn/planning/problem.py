@@ -11,10 +11,15 @@ import numpy as np
 from ..config import (
     suggestion,
 )
-from ..dynamics.stage import KINEMATICS, Model, Stage
+from ..dynamics.stage import KINEMATICS, WIND_STRENGTH, Model, Stage
+from ..environment.surroundings import NOTHING, Surroundings
+from ..environment.wind import Wind
+from ..environment.wind_file import wind_document
 from ..errors import InputError
 from ..trajectory import Trajectory
 from ..vehicles.vehicle import Vehicle
+from .gates import gate_phases
+from .keep_clear import check_surroundings, clear_bounds
 from .mesh import (
     CONTROL_INTERPOLATIONS,
     METHODS,
@@ -24,43 +29,19 @@ from .mesh import (
     check_spacing,
 )
 from .objective import TIME, Objective, trace
-
-Bounds = Mapping[str, tuple[float, float]]
+from .phase import Bounds as Bounds
+from .phase import Phase as Phase
 
 MAX_STAGES = 16
 MAX_NODES = 5000
 UNBOUNDED = (-math.inf, math.inf)
 MAX_PHASES = 50
 MAX_STARTS = 1000
+MAX_SUBSTEPS = 16
 CHOICES: Mapping[str, tuple[str, ...]] = {
     'control_interpolation': CONTROL_INTERPOLATIONS,
     'transcription': ('auto', *METHODS),
 }
-
-
-@dataclass(frozen=True, kw_only=True)
-class Phase:
-    """A part of a flight with conditions of its own.
-
-    Parameters
-    ----------
-    name : str
-    duration : lower, upper [s]
-    duration_guess : float [s]
-    initial, final, path, guess : mappings
-        As the problem's, of this phase alone and on top of them.
-    nodes : int
-        Intervals of its first mesh.
-    """
-
-    name: str = ''
-    duration: tuple[float, float]
-    duration_guess: float
-    initial: Bounds = field(default_factory=dict)
-    final: Bounds = field(default_factory=dict)
-    path: Bounds = field(default_factory=dict)
-    guess: Mapping[str, Sequence[float]] = field(default_factory=dict)
-    nodes: int = 20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,12 +62,21 @@ class Problem:
         What is not named is free. `altitude` stands for -z_e here and below, and is kept as z_e.
     path : mapping of state, control or output name to (lower, upper)
         Hold at every node, beside the vehicle's own limits.
+    change : mapping of state or control name to (lower, upper)
+        By how much the end is off the beginning: 0 for what is periodic. That of `altitude` is up.
     guess : mapping of state or control name to values
         A storyboard: points in equal steps over the duration, linear between.
     guess_trajectory : Trajectory or None
         A guess instead of the storyboard, stretched to the guessed duration.
     wind_ned : x, y, z [m/s]
-        Where the air moves to.
+        Where the air moves to everywhere.
+    wind : Wind or None
+        What it does beside, by place; one that `environment.wind_file` can write.
+    wind_strength : lower, upper, or None
+        A factor on `wind`, then a state named like this, to be found within the range.
+    surroundings : Surroundings
+        Terrain and volumes are kept clear of; gates are flown through in their order, each the
+        end of a phase that is made for it, see `gates`.
     nodes : int
         Intervals of the first mesh.
         Of several phases each has its own.
@@ -97,6 +87,8 @@ class Problem:
         By itself multiple shooting for held controls, Radau collocation for linear ones.
     spacing : 'uniform', 'cosine', or pairs, see `mesh.spaced`
         Of the first mesh.
+    substeps : int
+        Steps of RK4 in each interval of the first mesh, if it is of multiple shooting.
     multistart : int
         How many guesses plans start from, see `Planner.plan`.
     refine : bool
@@ -108,6 +100,9 @@ class Problem:
         Largest allowed error of the plan when flown again, as a fraction of each state's range
         (of 1, in SI units, for states that move less).
     max_wall_time : float [s]
+    alternatives : pairs of name and Problem
+        To be planned instead, the best of which is wanted: then this problem itself is not. They
+        are minimized or maximized alike.
     aside : names
         Outputs whose bounds are left out, see `without_limits`.
 
@@ -126,26 +121,36 @@ class Problem:
     initial: Bounds
     final: Bounds
     path: Bounds = field(default_factory=dict)
+    change: Bounds = field(default_factory=dict)
     guess: Mapping[str, Sequence[float]] = field(default_factory=dict)
     guess_trajectory: Trajectory | None = None
     wind_ned: Sequence[float] = (0.0, 0.0, 0.0)
+    wind: Wind | None = None
+    wind_strength: tuple[float, float] | None = None
+    surroundings: Surroundings = NOTHING
     phases: Sequence[Phase] = ()
     nodes: int = 80
     control_interpolation: ControlInterpolation = 'previous'
     transcription: Method | Literal['auto'] = 'auto'
     spacing: Spacing = 'uniform'
+    substeps: int = 1
     multistart: int = 1
     refine: bool = True
     sharpen: bool = True
     tolerance: float = 1e-4
     max_wall_time: float = 60.0
+    alternatives: Sequence[tuple[str, 'Problem']] = ()
     aside: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
-        for group in ('initial', 'final', 'path'):
+        for group in ('initial', 'final', 'path', 'change'):
             object.__setattr__(self, group, self._down(group, getattr(self, group)))
+        self._check_wind()
         object.__setattr__(self, 'guess', self._down_guess('guess', self.guess))
+        if self.surroundings:
+            self._enter_surroundings()
         self._check_phases()
+        self._check_change()
         for where, leg in zip(self._places, self.legs, strict=True):
             for group in ('path', 'initial', 'final'):
                 self._check_bounds(f'{where}{group}', getattr(leg, group), leg)
@@ -156,10 +161,6 @@ class Problem:
             raise InputError(
                 f'{self.name}: duration [{lower:g}, {upper:g}] s must be positive, finite and in '
                 'order'
-            )
-        if len(self.wind_ned) != 3 or not all(math.isfinite(w) for w in self.wind_ned):
-            raise InputError(
-                f'{self.name}: wind_ned must be three finite numbers, got {list(self.wind_ned)}'
             )
         for key, known in CHOICES.items():
             if getattr(self, key) not in known:
@@ -172,12 +173,22 @@ class Problem:
                 raise InputError(f'{self.name}: {key}: must be true or false')
         if not 1 <= self.nodes <= MAX_NODES:
             raise InputError(f'{self.name}: nodes must be 1 to {MAX_NODES}, got {self.nodes}')
+        if not 1 <= self.substeps <= MAX_SUBSTEPS:
+            raise InputError(
+                f'{self.name}: substeps must be 1 to {MAX_SUBSTEPS}, got {self.substeps}'
+            )
         if not 1 <= self.multistart <= MAX_STARTS:
             raise InputError(
                 f'{self.name}: multistart must be 1 to {MAX_STARTS}, got {self.multistart}'
             )
         if not 1e-12 <= self.tolerance <= 1:
             raise InputError(f'{self.name}: tolerance must be 1e-12 to 1, got {self.tolerance:g}')
+        for name, each in self.alternatives:
+            if each.objective.sign != self.objective.sign or each.alternatives:
+                raise InputError(
+                    f'{self.name}: alternatives.{name}: must be minimized or maximized as the '
+                    'problem is, and have no alternatives of its own'
+                )
         if not 0 < self.max_wall_time < math.inf:
             raise InputError(
                 f'{self.name}: max_wall_time must be positive, got {self.max_wall_time:g} s'
@@ -185,13 +196,76 @@ class Problem:
 
     @cached_property
     def model(self) -> Model:
-        """The vehicle's physics."""
-        return self.vehicle.model()
+        """The vehicle's physics, in the wind and the surroundings of the problem."""
+        model = self.vehicle.model(self.wind, free_wind=self.wind_strength is not None)
+        return replace(model, surroundings=self.surroundings)
 
     @cached_property
     def stage(self) -> Stage:
         """The vehicle's traced physics."""
-        return _stage(self.vehicle)
+        return _stage(self.physics, self.model)
+
+    @cached_property
+    def physics(self) -> str:
+        """What tells this problem's stage from others."""
+        wind = wind_document(self.wind), self.wind_strength is not None
+        return f'{self.vehicle!r} {wind} {self.surroundings!r}'
+
+    def _check_wind(self) -> None:
+        if len(self.wind_ned) != 3 or not all(math.isfinite(w) for w in self.wind_ned):
+            raise InputError(
+                f'{self.name}: wind_ned must be three finite numbers, got {list(self.wind_ned)}'
+            )
+        wind_document(self.wind)
+        if self.wind_strength is not None:
+            if self.wind is None:
+                raise InputError(f'{self.name}: wind_strength: there is no wind to multiply')
+            lower, upper = self.wind_strength
+            if not lower <= upper:
+                raise InputError(
+                    f'{self.name}: wind_strength: [{lower:g}, {upper:g}] is not a range'
+                )
+
+    def _check_change(self) -> None:
+        model = self.model
+        for name, (lower, upper) in self.change.items():
+            self._check_name('change', name, (*model.states, *model.controls))
+            if not lower <= upper:
+                raise InputError(
+                    f'{self.name}: change.{name}: [{lower:g}, {upper:g}] is not a range'
+                )
+
+    def _enter_surroundings(self) -> None:
+        """Check the problem against its surroundings, and make phases of gates."""
+        for axis in ('x_e', 'y_e', 'z_e'):
+            if self.surroundings.gates and axis not in self.model.states:
+                raise InputError(
+                    f'{self.name}: gates: {self.vehicle.model_name} has no state {axis}: fly '
+                    'through gates by a model in three dimensions'
+                )
+        ends = {'initial': self.initial, 'final': self.final}
+        check_surroundings(self.name, self.surroundings, ends, self.path)
+        if self.surroundings.gates and not self.phases:
+            phases = gate_phases(
+                self.surroundings.gates,
+                self.initial,
+                self.final,
+                self.duration,
+                self.duration_guess,
+                self.nodes,
+                self.guess,
+            )
+            object.__setattr__(self, 'phases', phases)
+
+    @cached_property
+    def _clear(self) -> Bounds:
+        """What the surroundings ask for all the way."""
+        states = self.model.states
+        return {
+            name: bounds
+            for name, bounds in clear_bounds(self.surroundings).items()
+            if name in states or name not in KINEMATICS
+        }
 
     def _check_name(self, group: str, name: str, known: Collection[str]) -> None:
         if name not in known:
@@ -279,7 +353,7 @@ class Problem:
                     duration_guess=self.duration_guess,
                     initial=self._calmed('initial', self.initial),
                     final=self._calmed('final', self.final),
-                    path=self._calmed('path', self.path),
+                    path=self._calmed('path', _tightened(self._clear, self.path)),
                     guess=self.guess,
                     nodes=self.nodes,
                 ),
@@ -294,7 +368,9 @@ class Problem:
                 final=self._calmed(
                     'final', _tightened(self.final if i == last else {}, phase.final)
                 ),
-                path=self._calmed('path', _tightened(self.path, phase.path)),
+                path=self._calmed(
+                    'path', _tightened(_tightened(self._clear, self.path), phase.path)
+                ),
             )
             for i, phase in enumerate(self.phases)
         )
@@ -360,6 +436,8 @@ class Problem:
     def _own(self) -> dict[str, tuple[float, float]]:
         """What the vehicle can do and stand, and where its aerodynamics are known."""
         found: dict[str, tuple[float, float]] = {}
+        if self.wind_strength is not None:
+            found[WIND_STRENGTH] = self.wind_strength
         for group in (self.model.controls, self.vehicle.limits, self.vehicle.box):
             for name, given in self._down('limits', group).items():
                 found[name] = _common(found.get(name, UNBOUNDED), given)
@@ -370,7 +448,7 @@ class Problem:
         path = self.legs[leg].path
         names = {**path, **self._own}
         known = self._quantities if set(names) - set(self.model.states) else self.model.states
-        kept = (name for name in names if name in known and name not in self.aside)
+        kept = (name for name in names if name in known)
         every = {name: self.limits(name, leg) for name in kept}
         return {name: limits for name, limits in every.items() if limits != UNBOUNDED}
 
@@ -393,7 +471,7 @@ class Problem:
     def beyond_limits(self, flight: Trajectory) -> bool:
         """Return whether a flight leaves limits that were set aside."""
         for name in self.aside:
-            lower, upper = self.limits(name)
+            lower, upper = self._own[name]
             column = flight[name]
             beyond = max(float((lower - column).max()), float((column - upper).max()))
             if beyond > self.tolerance * max(float(np.ptp(column)), 1.0):
@@ -402,6 +480,8 @@ class Problem:
 
     def limits(self, name: str, leg: int = 0) -> tuple[float, float]:
         """Return the bounds of a quantity along a phase, the vehicle's own included."""
+        if name in self.aside:
+            return UNBOUNDED
         return _common(self.legs[leg].path.get(name, UNBOUNDED), self._own.get(name, UNBOUNDED))
 
     def with_changes(
@@ -412,9 +492,17 @@ class Problem:
         path: Bounds | None = None,
         **changes: Any,
     ) -> 'Problem':
-        """Return the problem with named bounds and other fields replaced, checked again."""
+        """Return the problem with named bounds and other fields replaced, checked again.
+
+        Alternatives are changed alike.
+        """
+        alternatives = [
+            (name, each.with_changes(initial=initial, final=final, path=path, **changes))
+            for name, each in self.alternatives
+        ]
         return replace(
             self,
+            alternatives=tuple(alternatives),
             initial={**self.initial, **self._down('initial', initial or {})},
             final={**self.final, **self._down('final', final or {})},
             path={**self.path, **self._down('path', path or {})},
@@ -441,12 +529,11 @@ def _common(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, floa
 _stages: dict[str, Stage] = {}
 
 
-def _stage(vehicle: Vehicle) -> Stage:
-    """Return the traced model; traced again only when the vehicle has changed."""
-    key = repr(vehicle)
+def _stage(key: str, model: Model) -> Stage:
+    """Return the traced model; traced again only when it has changed, which its key tells."""
     stage = _stages.get(key)
     if stage is None:
-        stage = vehicle.model().stage()
+        stage = model.stage()
         while len(_stages) >= MAX_STAGES:
             _stages.pop(next(iter(_stages)), None)
         _stages[key] = stage

@@ -1,24 +1,32 @@
 """Problems from YAML files and settings of the command line."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..config import apply_setting, check_keys, load_yaml, number, text, whole_number
+from ..config import apply_setting, bounds, check_keys, load_yaml, number, text, whole_number
+from ..environment.geodesy import GeodeticPoint
+from ..environment.surroundings_file import KEYS as SURROUNDINGS
+from ..environment.surroundings_file import read_surroundings
+from ..environment.wind_file import read_wind
 from ..errors import InputError
-from ..resources import find_config
+from ..resources import find_config, list_configs
 from ..vehicles.fields import IN_DEGREES, in_degrees, named_bounds
 from ..vehicles.vehicle import Vehicle, load_vehicle
 from .objective import parse_objective
-from .problem import CHOICES, MAX_NODES, MAX_STARTS, Phase, Problem
+from .problem import CHOICES, MAX_NODES, MAX_STARTS, MAX_SUBSTEPS, Phase, Problem
 
 CONDITIONS = ('duration', 'initial', 'final', 'path', 'guess', 'nodes')
 KEYS = (
     *('description', 'vehicle', 'model', 'objective', 'phases', *CONDITIONS),
-    *('wind_ned', 'control_interpolation', 'transcription', 'spacing', 'refine', 'sharpen'),
-    'multistart',
-    *('tolerance', 'max_wall_time'),
+    *('change', 'wind_ned', 'wind', 'wind_strength', 'control_interpolation', 'transcription'),
+    *('spacing', 'substeps', 'refine', 'sharpen', 'multistart', 'tolerance', 'max_wall_time'),
+    *(*SURROUNDINGS, 'origin', 'alternatives'),
 )
+
+
+ALTERNATIVE = ('objective', *CONDITIONS)
 
 
 def load_problem(
@@ -29,7 +37,8 @@ def load_problem(
     Parameters
     ----------
     settings : sequence of 'KEY=VALUE'
-        Override entries of the file; KEY may go down with dots (`final.x_e=2`), VALUE is YAML.
+        Override entries of the file; KEY may go down with dots (`final.x_e=2`) and to one of
+        several values (`wind_ned[0]=-5`), VALUE is YAML.
 
     Raises
     ------
@@ -44,15 +53,56 @@ def load_problem(
     )
     document = load_yaml(path)
     for setting in settings:
-        apply_setting(document, setting)
+        apply_setting(document, setting, {'wind_ned': [0, 0, 0]})
     return _problem(path, check_keys(document, KEYS, str(path)), config_dir)
 
 
+def list_problems(config_dir: str | Path | None = None) -> tuple[list[Problem], list[InputError]]:
+    """Return every configured problem, by name, and what is wrong with those that are none."""
+    problems, wrong = [], []
+    for name in list_configs('problems', config_dir):
+        try:
+            problems.append(load_problem(name, (), config_dir))
+        except InputError as error:
+            wrong.append(error)
+    return problems, wrong
+
+
 def _problem(path: Path, document: dict[str, Any], config_dir: str | Path | None) -> Problem:
+    """Return a problem, with those that its alternatives make of it."""
+    given = document.pop('alternatives', {})
+    if not isinstance(given, Mapping):
+        raise InputError(f'{path}: alternatives: expected names and keys of each, got {given!r}')
+    found = []
+    for name, keys in given.items():
+        where = f'{path}: alternatives.{name}'
+        changes = check_keys(keys, ALTERNATIVE, where)
+        try:
+            found.append((str(name), _single(path, _merged(document, changes), config_dir)))
+        except InputError as error:
+            raise InputError(f'{error} (in alternatives.{name})') from None
+    if not found:
+        return _single(path, document, config_dir)
+    return replace(found[0][1], alternatives=tuple(found))
+
+
+def _merged(document: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a document with entries changed, those of conditions name by name."""
+    merged = dict(document)
+    for key, value in changes.items():
+        old = merged.get(key)
+        both = isinstance(old, Mapping) and isinstance(value, Mapping) and key != 'objective'
+        merged[key] = {**old, **value} if both else value  # type: ignore[dict-item]
+    return merged
+
+
+def _single(path: Path, document: dict[str, Any], config_dir: str | Path | None) -> Problem:
     phases = tuple(_phases(document.get('phases', {}), f'{path}: phases'))
     for key in ('vehicle',) if phases else ('vehicle', 'duration'):
         if key not in document:
             raise InputError(f"{path}: '{key}' is missing")
+    if phases and document.get('gates'):
+        raise InputError(f'{path}: give either phases or gates: each gate is the end of a phase')
     if phases and 'nodes' in document:
         raise InputError(f'{path}: nodes: give each phase its own')
     wind = document.get('wind_ned', [0, 0, 0])
@@ -63,12 +113,15 @@ def _problem(path: Path, document: dict[str, Any], config_dir: str | Path | None
     chosen = {
         key: document[key] for key in (*CHOICES, 'spacing', 'refine', 'sharpen') if key in document
     }
-    if 'multistart' in document:
-        chosen['multistart'] = whole_number(
-            document['multistart'], f'{path}: multistart', lower=1, upper=MAX_STARTS
-        )
+    for key, most in (('substeps', MAX_SUBSTEPS), ('multistart', MAX_STARTS)):
+        if key in document:
+            chosen[key] = whole_number(document[key], f'{path}: {key}', lower=1, upper=most)
     for key in ('tolerance', 'max_wall_time'):
         chosen[key] = number(document.get(key, defaults[key].default), f'{path}: {key}')
+    if 'wind' in document:
+        chosen['wind'] = read_wind(document['wind'], f'{path}: wind')
+    if 'wind_strength' in document:
+        chosen['wind_strength'] = bounds(document['wind_strength'], f'{path}: wind_strength')
     return Problem(
         name=path.stem,
         vehicle=_vehicle(path, document, config_dir),
@@ -76,6 +129,13 @@ def _problem(path: Path, document: dict[str, Any], config_dir: str | Path | None
         objective=parse_objective(document.get('objective', 'time'), f'{path}: objective'),
         phases=phases,
         wind_ned=tuple(number(w, f'{path}: wind_ned') for w in wind),
+        change=_bounds(document, 'change', str(path)),
+        surroundings=read_surroundings(
+            {key: document[key] for key in SURROUNDINGS if key in document},
+            str(path),
+            path.parent,
+            _origin(document, f'{path}: origin'),
+        ),
         **conditions,
         **chosen,
     )
@@ -85,18 +145,10 @@ def _conditions(
     document: Mapping[str, Any], where: str, phases: Sequence[Phase] = ()
 ) -> dict[str, Any]:
     """Return what a problem and a phase have in common, as arguments of either."""
-
-    def named(key: str) -> dict[str, Any]:
-        value = document.get(key, {})
-        if not isinstance(value, Mapping):
-            raise InputError(f'{where}: {key}: expected names and values, got {value!r}')
-        return {str(k): v for k, v in value.items()}
-
-    found: dict[str, Any] = {
-        group: {k: named_bounds(k, v, f'{where}: {group}.{k}') for k, v in named(group).items()}
-        for group in ('initial', 'final', 'path')
-    }
-    found['guess'] = {k: _points(k, v, f'{where}: guess.{k}') for k, v in named('guess').items()}
+    groups = ('initial', 'final', 'path')
+    found: dict[str, Any] = {group: _bounds(document, group, where) for group in groups}
+    story = _named(document, 'guess', where)
+    found['guess'] = {k: _points(k, v, f'{where}: guess.{k}') for k, v in story.items()}
     if 'nodes' in document:
         found['nodes'] = whole_number(
             document['nodes'], f'{where}: nodes', lower=1, upper=MAX_NODES
@@ -111,6 +163,18 @@ def _conditions(
     return {**found, 'duration': (lower, upper), 'duration_guess': guess}
 
 
+def _named(document: Mapping[str, Any], key: str, where: str) -> dict[str, Any]:
+    value = document.get(key, {})
+    if not isinstance(value, Mapping):
+        raise InputError(f'{where}: {key}: expected names and values, got {value!r}')
+    return {str(k): v for k, v in value.items()}
+
+
+def _bounds(document: Mapping[str, Any], key: str, where: str) -> dict[str, Any]:
+    given = _named(document, key, where)
+    return {k: named_bounds(k, v, f'{where}: {key}.{k}') for k, v in given.items()}
+
+
 def _phases(value: Any, where: str) -> list[Phase]:
     """Return phases of a mapping of names to conditions, in its order."""
     if not isinstance(value, Mapping):
@@ -122,6 +186,20 @@ def _phases(value: Any, where: str) -> list[Phase]:
         )
         for name, given in value.items()
     ]
+
+
+def _origin(document: Mapping[str, Any], where: str) -> GeodeticPoint | None:
+    if 'origin' not in document:
+        return None
+    given = check_keys(document['origin'], ('lat', 'lon', 'altitude'), where)
+    for key in ('lat', 'lon'):
+        if key not in given:
+            raise InputError(f"{where}: '{key}' is missing")
+    values = {key: number(value, f'{where}.{key}') for key, value in given.items()}
+    try:
+        return GeodeticPoint(**values)
+    except InputError as error:
+        raise InputError(f'{where}: {error}') from None
 
 
 def _vehicle(path: Path, document: dict[str, Any], config_dir: str | Path | None) -> Vehicle:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..dynamics.stage import Stage
 from . import conditions
 from .assembly import parameters
+from .guess import Guess
 from .layout import Layout, Structure
 from .problem import Problem
 from .solver import Iteration, Multipliers, OnIteration, Solution, Solver
@@ -45,6 +46,8 @@ class Attempt:
         The variable that each constraint is about.
     objective : float
         In the user's units and sign.
+    rough : bool
+        Whether it was solved to a loose tolerance only.
     """
 
     problem: Problem
@@ -58,6 +61,7 @@ class Attempt:
     multipliers: Multipliers
     subject: NDArray[np.int64]
     objective: float
+    rough: bool = False
 
     def quantity(self, variable: int) -> str:
         """Return the name of what a variable is a value of."""
@@ -122,8 +126,9 @@ class Programme:
         """
         layout, subject = self.layout, self.transcription.subject
         lower, upper = conditions.bounds(problem, layout)
-        scale = conditions.scales(problem, layout)
-        values = conditions.guess(problem, layout) if start is None else start.copy()
+        story = Guess(problem)
+        scale = conditions.scales(problem, story, layout)
+        values = conditions.guess(story, layout) if start is None else start.copy()
         full = values.copy()
         full[layout.controls] = scale[layout.controls]
         for point in (values, full):
@@ -143,7 +148,7 @@ class Programme:
             strategy=strategy,
             multipliers=multipliers and multipliers.scaled(scale / price, scale[subject] / price),
             most_iterations=most_iterations,
-            on_iteration=_in_units(on_iteration, sign * price),
+            on_iteration=_in_units(on_iteration, sign * price, scale),
             should_stop=should_stop,
         )
         return Attempt(
@@ -158,6 +163,7 @@ class Programme:
             multipliers=solution.multipliers.scaled(price / scale, price / scale[subject]),
             subject=subject,
             objective=sign * price * solution.cost,
+            rough=strategy == 'rough',
         )
 
     def _follow(self, values: Array, problem: Problem, scale: Array, *, everything: bool) -> None:
@@ -188,13 +194,20 @@ class Programme:
         return max(found) or 1.0
 
 
-def _in_units(on_iteration: OnIteration | None, price: float) -> OnIteration | None:
-    """Return a function that hands the objective on in the user's units."""
+def _in_units(on_iteration: OnIteration | None, price: float, scale: Array) -> OnIteration | None:
+    """Return a function that hands the objective and the variables on in the user's units."""
     if on_iteration is None:
         return None
 
     def hand_on(iteration: Iteration) -> None:
-        on_iteration(replace(iteration, objective=iteration.objective * price))
+        assert iteration.variables is not None
+        on_iteration(
+            replace(
+                iteration,
+                objective=iteration.objective * price,
+                variables=iteration.variables * scale,
+            )
+        )
 
     return hand_on
 

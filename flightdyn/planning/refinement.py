@@ -8,13 +8,12 @@ from numpy.typing import NDArray
 
 from .layout import Layout
 from .mesh import ORDERS, Mesh, Method
-from .problem import MAX_NODES, Problem
+from .problem import MAX_NODES, MAX_SUBSTEPS, Problem
 from .programme import Attempt
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-MAX_SUBSTEPS = 16
 MAX_PARTS = 4  # that an interval is cut into at a time
 
 
@@ -32,6 +31,7 @@ def first_mesh(problem: Problem) -> Mesh:
         method_of(problem),
         problem.control_interpolation,
         spacing=problem.spacing,
+        substeps=problem.substeps,
     )
 
 
@@ -81,6 +81,7 @@ def resampled(attempt: Attempt, layout: Layout) -> Array:
     values[layout.durations] = attempt.values[old.durations]
     values[layout.total] = attempt.values[old.total]
     values[layout.integrals] = attempt.values[old.integrals]
+    values[layout.changes] = attempt.values[old.changes]
 
     def places(of: Mesh, positions: Array) -> Array:
         at = of.phase + of.begin + positions[:, None] * of.length

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import conditions
-from .guess import guess_columns, guess_durations
+from .guess import Guess
 from .layout import Structure
 from .objective import minimize
 from .problem import Phase, Problem
@@ -79,27 +79,28 @@ def perturbed(problem: Problem, seed: int) -> Problem:
     rng = np.random.default_rng([seed, 20])
     factor = float(np.exp(rng.uniform(-STRETCH, STRETCH)))
     at = np.linspace(0, 1, POINTS)
+    story = Guess(problem)
     names = problem.stage.states
     storyboards: list[dict[str, tuple[float, ...]]] = []
     swing = {name: rng.uniform(-1, 1, WAVES) / np.arange(1, WAVES + 1) for name in names}
     for i in range(len(problem.legs)):
         waves = np.sin(np.pi * np.arange(1, WAVES + 1)[:, None] * at)
-        story = {}
+        board = {}
         for name in names:
-            own = guess_columns(problem, (name,), i, at)[0]
+            own = story.columns((name,), i, at)[0]
             size = max(float(np.abs(own).max()), float(np.ptp(own)), 1e-3)
-            story[name] = tuple((own + SWAY * size * swing[name] @ waves).tolist())
+            board[name] = tuple((own + SWAY * size * swing[name] @ waves).tolist())
         for name in problem.stage.controls:
-            own = guess_columns(problem, (name,), i, at)[0]
+            own = story.columns((name,), i, at)[0]
             lower, upper = problem.limits(name, i)
             if np.isfinite([lower, upper]).all():
                 knots = rng.uniform(lower, upper, 4)
                 own = np.interp(at, np.linspace(0, 1, 4), knots)
-            story[name] = tuple(own.tolist())
-        storyboards.append(story)
+            board[name] = tuple(own.tolist())
+        storyboards.append(board)
     durations = [
         float(np.clip(guess * factor, *leg.duration))
-        for guess, leg in zip(guess_durations(problem), problem.legs, strict=True)
+        for guess, leg in zip(story.durations, problem.legs, strict=True)
     ]
     if not problem.phases:
         return replace(
@@ -109,7 +110,7 @@ def perturbed(problem: Problem, seed: int) -> Problem:
             duration_guess=durations[0],
         )
     phases: list[Phase] = [
-        replace(phase, guess=story, duration_guess=duration)
-        for phase, story, duration in zip(problem.phases, storyboards, durations, strict=True)
+        replace(phase, guess=board, duration_guess=duration)
+        for phase, board, duration in zip(problem.phases, storyboards, durations, strict=True)
     ]
     return replace(problem, guess_trajectory=None, guess={}, phases=tuple(phases))

@@ -7,8 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..environment.surroundings import NOTHING, Surroundings
+from ..environment.wind import Wind
 from ..errors import ResultCode
 from ..trajectory import Trajectory
+from .alternatives import Alternative
 from .problem import Problem
 from .programme import Attempt
 from .samples import Path
@@ -62,14 +65,26 @@ class Plan:
     ----------
     trajectory : Trajectory
         Controls between its samples are as flown: held, or straight.
+    wind_ned : x, y, z [m/s]
+    wind : Wind or None
+    surroundings : Surroundings
+        As the problem has them.
     others : list of Plan
         Other local optima that were found, if they were asked for, best first.
+    near : bool
+        Whether its solve started from another plan.
+    alternatives : list of Alternative
+        What came of each of the problem's alternatives, this plan's first; empty if it has none.
     """
 
     trajectory: Trajectory
     report: PlanReport
     wind_ned: tuple[float, ...] = (0.0, 0.0, 0.0)
+    wind: Wind | None = None
+    surroundings: Surroundings = NOTHING
     others: list['Plan'] = field(default_factory=list)
+    near: bool = False
+    alternatives: list[Alternative] = field(default_factory=list)
     attempt: Attempt | None = field(default=None, repr=False, compare=False)
 
 

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,10 +17,10 @@ from .layout import Layout, Structure
 from .mesh import Mesh
 from .problem import Problem
 from .programme import Attempt, Programmes
-from .refinement import finer, resampled, strategy_of
+from .refinement import finer, first_mesh, resampled, strategy_of
 from .report import Plan, PlanReport, message_of, trajectory_of
 from .samples import JUMP, Path, between, path
-from .solver import Multipliers, OnIteration
+from .solver import Iteration, Multipliers, OnIteration
 from .transcription import Transcription
 from .verify import Verification, compare, overshoots, refly
 
@@ -27,7 +28,8 @@ Array = NDArray[np.float64]
 
 MAX_REFINEMENTS = 8
 MAX_SHARPENINGS = 4
-INTERVALS_IN_ARC = 4
+INTERVALS_IN_ARC = 5
+COARSE = 0.05  # of an objective: how far off it a plan may be that is off when flown again
 MAX_WARM = 60  # iterations from an earlier plan; one that needs more is not near
 
 
@@ -102,7 +104,7 @@ class Run:
         """
         structure = structure or conditions.structure(problem, mesh)
         before = time.perf_counter()
-        with self.programmes.borrow(repr(problem.vehicle), problem.stage, structure) as programme:
+        with self.programmes.borrow(problem.physics, problem.stage, structure) as programme:
             self.build_s += time.perf_counter() - before
             attempt = programme.solve(
                 problem,
@@ -111,11 +113,50 @@ class Run:
                 strategy=strategy or strategy_of(problem, mesh),
                 multipliers=multipliers,
                 most_iterations=most_iterations,
-                on_iteration=self.on_iteration,
+                on_iteration=self._watched(problem, programme.layout),
                 should_stop=self.should_stop,
             )
             self.iterations += attempt.solution.iterations
             return self._check(attempt, programme.transcription)
+
+    def first(self) -> Checked:
+        """Return what the problem gives on its first mesh, roughly if it may be bang-bang.
+
+        Its arcs are seen long before a solve has converged, and are planned anew.
+        """
+        problem, mesh = self.problem, first_mesh(self.problem)
+        strategy = strategy_of(problem, mesh)
+        if strategy == 'monotone' and problem.sharpen and not problem.phases:
+            strategy = 'rough'
+        return self.solve(problem, mesh, strategy=strategy)
+
+    def best(self, found: Checked) -> Checked:
+        """Return the plan that a first solve leads to: with exact switches, or on a finer mesh."""
+        sharp = self.sharpened(found)
+        if sharp is not None:
+            return sharp
+        if found.attempt.rough:
+            mesh = found.attempt.structure.mesh
+            found = self.solve(self.problem, mesh, found.attempt.values, strategy='near')
+        return self.refined(found)
+
+    def _watched(self, problem: Problem, layout: Layout) -> OnIteration | None:
+        """Return a function that hands iterations on with a way to make flights of them."""
+        on_iteration = self.on_iteration
+        if on_iteration is None:
+            return None
+
+        def flight_of(variables: Array) -> Trajectory:
+            limits = np.array([problem.limits(name) for name in problem.stage.controls])
+            way = path(layout, variables, problem.wind_ned, limits.reshape(-1, 2))
+            return trajectory_of(problem, way, between(problem.stage, way)[0])
+
+        def hand_on(iteration: Iteration) -> None:
+            assert iteration.variables is not None
+            made = partial(flight_of, iteration.variables)
+            on_iteration(replace(iteration, trajectory=made))
+
+        return hand_on
 
     def near(self, plan: Plan) -> Checked | None:
         """Return a verified solve that started from a plan's solution, if there is one."""
@@ -153,7 +194,7 @@ class Run:
             inner = with_arcs(replace(problem, guess_trajectory=guess), arcs, nodes)
             # controls are known and smooth in each arc: a high order gets most out of it
             mesh = Mesh.of([leg.nodes for leg in inner.legs], 'radau', 'previous')
-            found = self.solve(inner, mesh)
+            found = self.solve(inner, mesh, strategy='near')
             if found.verification is None:
                 return None
             fewer = joined(arcs_of(problem, found.attempt))
@@ -163,7 +204,9 @@ class Run:
         found = self.refined(found)
         sign = problem.objective.sign
         worse = sign * (found.attempt.objective - first.attempt.objective)
-        allowed = problem.tolerance * max(abs(first.attempt.objective), 1e-300)
+        # what a coarse mesh promises may be more than can be flown
+        part = problem.tolerance if first.within(problem.tolerance) else COARSE
+        allowed = part * max(abs(first.attempt.objective), 1e-300)
         return found if found.within(problem.tolerance) and worse <= allowed else None
 
     def _check(self, attempt: Attempt, transcription: Transcription) -> Checked:
@@ -250,7 +293,14 @@ class Run:
             remedies=self.remedies,
             missed=missing or [],
         )
-        return Plan(trajectory, report, tuple(map(float, problem.wind_ned)), attempt=attempt)
+        return Plan(
+            trajectory,
+            report,
+            tuple(map(float, problem.wind_ned)),
+            problem.wind,
+            surroundings=problem.surroundings,
+            attempt=attempt,
+        )
 
     def _warnings(self, found: Checked, trajectory: Trajectory) -> list[str]:
         if found.verification is None:

@@ -1,8 +1,8 @@
 """Solving a nonlinear programme with IPOPT: progress, cancelling, time limit, plain words."""
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import casadi as cas
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ResultCode
+from ..trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -30,6 +31,7 @@ OPTIONS: dict[str, Any] = {
 }
 STRATEGIES: dict[str, dict[str, Any]] = {
     'monotone': {},
+    'rough': {'ipopt.tol': 1e-3},
     'adaptive': {'ipopt.mu_strategy': 'adaptive', 'ipopt.mu_oracle': 'probing'},
     'near': {
         'ipopt.mu_strategy': 'adaptive',
@@ -51,8 +53,9 @@ STRATEGIES: dict[str, dict[str, Any]] = {
         'ipopt.warm_start_mult_bound_push': 1e-6,
     },
 }
-"""Ways of IPOPT: the barrier is lowered step by step, or as progress goes; from where another mesh
-left off; from a solution's neighbourhood, multipliers included."""
+"""Ways of IPOPT: the barrier is lowered step by step, to the end or until it shows where a plan is
+at limits; or as progress goes; from where another solve left off; from a solution's neighbourhood,
+multipliers included."""
 
 RESULT_CODES = {
     'Solve_Succeeded': ResultCode.SUCCESS,
@@ -72,13 +75,23 @@ RESULT_CODES = {
 
 @dataclass(frozen=True)
 class Iteration:
-    """Progress of a solve after one iteration; `elapsed` in seconds."""
+    """Progress of a solve after one iteration; `elapsed` in seconds.
+
+    Parameters
+    ----------
+    variables : (size,)
+        The iterate; scaled, until the programme hands it on in SI units.
+    trajectory : function returning a Trajectory
+        Makes a flight of the iterate; costs nothing unless called.
+    """
 
     number: int
     objective: float
     primal_infeasibility: float
     dual_infeasibility: float
     elapsed: float
+    variables: Array | None = field(default=None, repr=False, compare=False)
+    trajectory: Callable[[], Trajectory] | None = field(default=None, repr=False, compare=False)
 
 
 @dataclass(frozen=True)
@@ -222,20 +235,21 @@ class _Watch:
         self.most = MAX_ITERATIONS
         self.error: BaseException | None = None
 
-    def __call__(self, x: cas.DM, objective: float, g: cas.DM) -> bool:
-        """Report an iterate; return whether to stop."""
+    def __call__(self, iterate: Sequence[memoryview]) -> bool:
+        """Report an iterate (x, f, g, ...); return whether to stop."""
         elapsed = time.perf_counter() - self.started
         try:
             if self.on_iteration is not None:
-                variables, gaps = x.full().ravel(), g.full().ravel()
+                variables, objective, gaps = (np.frombuffer(part) for part in iterate[:3])
                 dual = self.nlp.stats()['iterations']['inf_du']
                 self.on_iteration(
                     Iteration(
                         number=self.count,
-                        objective=objective,
+                        objective=float(objective[0]),
                         primal_infeasibility=_violation(variables, gaps, self.lower, self.upper),
                         dual_infeasibility=float(dual[-1]) if dual else float('nan'),
                         elapsed=elapsed,
+                        variables=variables.copy(),
                     )
                 )
             self.count += 1
@@ -249,7 +263,10 @@ class _Watch:
 
 
 class _Callback(cas.Callback):
-    """CasADi's iteration callback, handed on to the watch of the solve under way."""
+    """CasADi's iteration callback, handed on to the watch of the solve under way.
+
+    It takes buffers, not matrices: those cost more to make than all else it does.
+    """
 
     def __init__(self, programme: dict[str, Any]) -> None:
         super().__init__()
@@ -270,8 +287,10 @@ class _Callback(cas.Callback):
         name = cas.nlpsol_out(i).removeprefix('lam_')
         return cas.Sparsity.dense(1 if name == 'f' else self._sizes[name])
 
-    def eval(self, arg: Any) -> list[int]:
-        if self.watch is None:
-            return [0]
-        # x, f, g: what CasADi's nlpsol puts out first
-        return [int(self.watch(arg[0], float(arg[1]), arg[2]))]
+    def has_eval_buffer(self) -> bool:
+        return True
+
+    def eval_buffer(self, arg: Sequence[memoryview], res: Sequence[memoryview]) -> int:
+        stop = self.watch is not None and self.watch(arg)
+        np.frombuffer(res[0])[0] = float(stop)
+        return 0

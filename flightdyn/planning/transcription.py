@@ -49,6 +49,7 @@ class Transcription:
         self._linear.add(self._output_rows, self.layout.outputs, 1.0)
         self._put_out: set[int] = set()  # bounded outputs that the motion's points give
         makers = [self._motion(), *self._bounded_outputs(), *self._rates()]
+        self._changes()
         self._total_duration()
         self._soft_conditions()
         self.rows = self._rows
@@ -251,6 +252,16 @@ class Transcription:
         select.add(nz * k + nz - 1, layout.durations[phase], length)
         weights.add(rows, len(rated) * k + np.arange(len(rated))[:, None], 1.0)
         return [(differentiated(function), select, steps * nz, weights)]
+
+    def _changes(self) -> None:
+        """Tie each bounded change to the ends that it is between."""
+        layout = self.layout
+        rows = self._new_rows(layout.changes)
+        for row, name in zip(rows, self.structure.changing, strict=True):
+            first, last = layout.first_and_last(name)
+            self._linear.add(row, last, -1.0)
+            self._linear.add(row, first, 1.0)
+        self._linear.add(rows, layout.changes, 1.0)
 
     def _total_duration(self) -> None:
         layout = self.layout

@@ -41,6 +41,8 @@ _COARSEST_DIGIT = 1.0  # m, unless the digits are known to be coarser
 _HELD_STEPS = 8.0  # of the digits: a jump shorter than this may be one digit's change
 _BEFORE = ((-2, -1), (-3, -1), (-3, -2))
 _AFTER = ((1, 2), (1, 3), (2, 3))
+_LONGER = 4  # times as far to look
+_SHORTEST_REACH = 16
 _NEIGHBOURS = ((-2, -1), (1, 2), (-1, 1), (-2, 2), (-3, 3), (2, 3), (-3, -2))
 
 HELD = 'held position'
@@ -145,21 +147,30 @@ class Verdict:
 
         What was rejected before counts; what was once refused stays so.
         """
-        for reason, mask in (
-            (POSITION, self.position),
-            (ALTITUDE, self.altitude),
-            (VELOCITY, self.velocity),
-        ):
-            number = int(mask.sum()) + known.counts.get(reason, 0)
-            share = number / (mask.size + known.samples)
-            # Where there is enough else to go by, one or two are an exception at any length.
-            few = number <= 2 and mask.size >= _MANY
-            if not mask.any() or (reason not in known.refused and (share <= most or few)):
+        for reason, mask in self._masks().items():
+            if not mask.any() or not self.is_too_much(reason, known, most):
                 continue
+            share = self._number(reason, known) / (mask.size + known.samples)
             mask[:] = False
             if reason == POSITION:
                 self.begins[:] = False
             known.refused.setdefault(reason, share)
+
+    def is_too_much(self, reason: str, known: Rejected, most: float = MAX_GATE_SHARE) -> bool:
+        """Return whether `limit` would take back what is said of a kind of measurement."""
+        if reason in known.refused:
+            return True
+        size = self.position.size
+        number = self._number(reason, known)
+        # Where there is enough else to go by, one or two are an exception at any length.
+        few = number <= 2 and size >= _MANY
+        return number > most * (size + known.samples) and not few
+
+    def _masks(self) -> dict[str, Mask]:
+        return {POSITION: self.position, ALTITUDE: self.altitude, VELOCITY: self.velocity}
+
+    def _number(self, reason: str, known: Rejected) -> int:
+        return int(np.count_nonzero(self._masks()[reason])) + known.counts.get(reason, 0)
 
     def __bool__(self) -> bool:
         found = (self.position, self.altitude, self.velocity, self.begins)
@@ -320,7 +331,9 @@ def judge(
     """
     verdict = Verdict.clean(time.size)
     for piece in stretches(segment):
-        _judge_stretch(time, position, velocity, position_std, velocity_std, noise, piece, verdict)
+        _judge_stretch(
+            time, position, velocity, position_std, velocity_std, noise, piece, verdict, known
+        )
     verdict.limit(MAX_GATE_SHARE, known)
     return verdict
 
@@ -334,25 +347,38 @@ def _judge_stretch(
     noise: Noise,
     piece: slice,
     verdict: Verdict,
+    known: Rejected,
 ) -> None:
     start = piece.start
+    usual = float(np.median(np.diff(time[piece]))) if piece.stop - start > 1 else 0.0
+    jerk_density = np.maximum(noise.jerk_density, _least_jerk(usual))
+    reach = piece.stop - start
     while start < piece.stop:
-        part = slice(start, piece.stop)
-        usual = float(np.median(np.diff(time[part]))) if piece.stop - start > 1 else 0.0
+        part = slice(start, min(start + reach, piece.stop))
         found = innovations(
             time[part],
             position[part],
             position_std[part],
             None if velocity is None else velocity[part],
             velocity_std[part],
-            np.maximum(noise.jerk_density, _least_jerk(usual)),
+            jerk_density,
         )
         bad = found.ratio > GATE_SIGMAS**2
         measured = np.isfinite(position[part])
-        jump = _first_run(bad[:, 0], measured[:, 0])
+        # Of what will be refused, being too many, no beginning is looked for.
+        jump = step = None
+        if not verdict.is_too_much(POSITION, known):
+            jump = _first_run(bad[:, 0], measured[:, 0])
         # Altitudes that step to another level do not break the flight: they are taken as they are.
-        step = _first_run(bad[:, 1], measured[:, 2])
-        size = min(x for x in (jump, step, piece.stop - start) if x is not None)
+        if not verdict.is_too_much(ALTITUDE, known):
+            step = _first_run(bad[:, 1], measured[:, 2])
+        if jump is None and step is None and part.stop < piece.stop:
+            reach *= _LONGER
+            continue
+        size = min(x for x in (jump, step, part.stop - start) if x is not None)
+        # Where one beginning follows upon another, to look at all that is left after each would
+        # take the square of the samples: look a few times as far as the last one was.
+        reach = max(_LONGER * size, _SHORTEST_REACH)
         if jump is not None and size == jump and size < REACQUIRE:
             # Too few before it to be believed: it may be the first that was off.
             verdict.position[start] = True

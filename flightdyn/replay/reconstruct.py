@@ -70,7 +70,8 @@ def reconstruct(
         control and the load factor, `x_e_std` to `load_factor_std`; `specific_energy` [J/kg],
         `specific_energy_rate` [W/kg], `specific_excess_power` [m/s]; `lat`, `lon` [deg] and
         `altitude` [m, datum of the track] of the smoothed position, if the track is tied to the
-        earth; `phi`, `theta`, `psi` [rad] as measured, if every sample has an attitude.
+        earth; `phi`, `theta`, `psi` [rad] as measured, if at least half of the samples have an
+        attitude; the others have that of those near by.
 
         With a wind that could be estimated: `wind_x_e`, `wind_y_e`, where the air moves to at the
         vehicle, and the 1-sigma of each, `wind_std` [m/s]; `airspeed` [m/s] with `airspeed_std`;

@@ -13,6 +13,7 @@ from ..trajectory import Trajectory
 from .flights import Flight, find_flights
 from .outliers import Rejected
 from .reconstruct import reconstruct_checked
+from .samples import LEAST_ATTITUDE, known_attitude
 from .wind import Method
 
 KNOWN_SPEED = 0.2
@@ -126,6 +127,13 @@ class Replay:
                 found.append('no altitude in the log: taken as 0')
             elif blank:
                 found.append(f'{blank} samples had no altitude: interpolated')
+        if track.attitude is not None:
+            known = np.isfinite(known_attitude(track.attitude)).all(axis=1)
+            blank = int((~known).sum())
+            if known.mean() < LEAST_ATTITUDE:
+                found.append(f'{blank} of {len(track)} samples had no attitude: none is used')
+            elif blank:
+                found.append(f'{blank} samples had no attitude: taken from those near by')
         return found
 
 
@@ -188,7 +196,24 @@ def replay_log(
             raise InputError(f'{path}: there is no flight {flight}: {_listed(found)}')
         one = found[flight - 1]
         start, end = (start or 0.0) + one.start, (start or 0.0) + one.end
-    track = read_track(path, source=source, start=start, end=end)
+    return replay_track(
+        read_track(path, source=source, start=start, end=end),
+        position_std=position_std,
+        velocity_std=velocity_std,
+        jerk_density=jerk_density,
+        wind=wind,
+    )
+
+
+def replay_track(
+    track: Track,
+    *,
+    position_std: ArrayLike | None = None,
+    velocity_std: ArrayLike | None = None,
+    jerk_density: ArrayLike | None = None,
+    wind: WindChoice | None = None,
+) -> Replay:
+    """Return the motion of a track that was read already; as `replay_log`."""
     preferred: Method = 'circling' if track.airspeed is None else 'airspeed'
     method = preferred if wind == 'auto' else wind
     trajectory, rejected = reconstruct_checked(

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..logs.nearby import interpolated
 from ..logs.timeline import gap_limit
 from ..logs.track import Track
 from . import outliers
@@ -80,9 +81,7 @@ def merge_repeats(track: Track) -> Samples:
     attitude = track.attitude
     if attitude is not None:
         attitude = attitude[first + count - 1]
-        norm = np.linalg.norm(attitude, axis=1, keepdims=True)
-        sound = bool(np.isfinite(norm).all() and (norm > 0).all())
-        attitude = attitude / norm if sound else None
+        attitude = _whole_attitude(ns[first], known_attitude(attitude))
     return Samples(
         time=(ns[first] - ns[0]) / 1e9,
         start_ns=int(ns[0]),
@@ -96,6 +95,32 @@ def merge_repeats(track: Track) -> Samples:
         usable=usable,
         airspeed=merged(track.airspeed),
     )
+
+
+LEAST_ATTITUDE = 0.5
+"""If fewer of the samples have an attitude, it is not used at all."""
+
+
+def known_attitude(attitude: Array) -> Array:
+    """Return unit quaternions (n, 4), NaN where there is no attitude."""
+    norm = np.linalg.norm(attitude, axis=1, keepdims=True)
+    with np.errstate(invalid='ignore'):
+        return np.where(norm > 0, attitude / np.where(norm > 0, norm, 1.0), np.nan)
+
+
+def _whole_attitude(ns: NDArray[np.int64], attitude: Array) -> Array | None:
+    """Return an attitude for every sample, the blanks filled from near by; None if most are."""
+    known = np.isfinite(attitude).all(axis=1)
+    if known.all():
+        return attitude
+    if known.mean() < LEAST_ATTITUDE:
+        return None
+    filled = interpolated(ns, attitude, ns, turning=True)
+    filled[known] = attitude[known]
+    # Where none is near the last one holds, or the first.
+    there = np.flatnonzero(np.isfinite(filled).all(axis=1))
+    last = np.searchsorted(there, np.arange(ns.size), side='right') - 1
+    return np.asarray(filled[there[np.maximum(last, 0)]])
 
 
 def _filled(values: Array | None) -> Array:

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 
 from ..config import check_keys, load_yaml, number, text
+from ..environment.wind import Wind
+from ..environment.wind_file import read_wind
 from ..errors import InputError
 from ..resources import find_config
 from ..trajectory import Trajectory
@@ -15,7 +17,7 @@ from .gusts import Gusts
 from .simulator import MAX_STEP, Simulator
 
 KEYS = (
-    *('description', 'vehicle', 'duration', 'initial', 'controls', 'wind_ned', 'gusts'),
+    *('description', 'vehicle', 'duration', 'initial', 'controls', 'wind_ned', 'wind', 'gusts'),
     *('max_step', 'rate'),
 )
 RATE = 200.0  # Hz
@@ -36,6 +38,7 @@ class Scenario:
     initial: dict[str, float]
     controls: dict[str, float]
     wind_ned: tuple[float, ...]
+    wind: Wind | None
     gusts: Gusts | None
     max_step: float
     rate: float
@@ -49,7 +52,7 @@ class Scenario:
             control_interpolation='previous',
         )
         return Simulator(
-            self.vehicle.model(),
+            self.vehicle.model(self.wind),
             self.initial,
             held,
             wind=self.wind_ned,
@@ -105,6 +108,7 @@ def load_scenario(name: str, config_dir: str | Path | None = None) -> Scenario:
         initial={k: number(v, f'{path}: initial.{k}') for k, v in initial.items()},
         controls=held,
         wind_ned=tuple(number(w, f'{path}: wind_ned') for w in wind),
+        wind=read_wind(document.get('wind', []), f'{path}: wind'),
         gusts=_gusts(document['gusts'], f'{path}: gusts') if 'gusts' in document else None,
     )
 

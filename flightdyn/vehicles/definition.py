@@ -7,6 +7,7 @@ from typing import Any
 from ..config import suggestion
 from ..dynamics import FAMILY, Dynamics, MassProperties
 from ..dynamics.stage import Model
+from ..environment.wind import Wind
 from ..errors import InputError
 from ..numpy import Vectorizable
 from .aero_table import FitError, TableAerodynamics
@@ -117,8 +118,16 @@ class Vehicle:
         """
         return replace(self, model_name=model_name)
 
-    def model(self) -> Model:
-        """Return the vehicle's physics for planning, simulation and replay."""
+    def model(self, wind: Wind | None = None, *, free_wind: bool = False) -> Model:
+        """Return the vehicle's physics for planning, simulation and replay.
+
+        Parameters
+        ----------
+        wind : callable (x_e, y_e, z_e, time) -> (x, y, z) [m/s]
+            Where the air moves to, earth axes, beside what is set later on.
+        free_wind : bool
+            Whether its strength is a state, see `Model`.
+        """
         dynamics = FAMILY[self.model_name]
         own = (*dynamics.indirect_controls, *dynamics.rotor_momenta)
         controls = {name: rotor.thrust for name, rotor in self.rotors.items()}
@@ -131,6 +140,8 @@ class Vehicle:
                 mass_props=self.mass_props,
                 controls=controls,
                 attach=self._attach,
+                wind=wind,
+                free_wind=free_wind,
             )
         return Model(
             vehicle=self.name,
@@ -139,6 +150,8 @@ class Vehicle:
             controls={**controls, **propulsion.controls},
             attach=self._attach,
             extra_states=tuple(propulsion.extra_states),
+            wind=wind,
+            free_wind=free_wind,
         )
 
     def _attach(

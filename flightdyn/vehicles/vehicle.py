@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from ..config import apply_setting, load_yaml, suggestion, text
 from ..dynamics import FAMILY, MassProperties
@@ -10,11 +10,21 @@ from ..dynamics.base import G
 from ..dynamics.stage import KINEMATICS
 from ..errors import InputError
 from ..resources import find_config, list_configs
-from . import aero_buildup, aero_direct, aero_polar, aero_table, buoyancy, propeller, propulsion
+from . import (
+    aero_direct,
+    aero_polar,
+    aero_table,
+    body_drag,
+    buoyancy,
+    jet,
+    propeller,
+    propulsion,
+)
 from .aerodynamics import COEFFICIENTS, Aerodynamics
 from .definition import STEERED
 from .definition import Vehicle as Vehicle
 from .fields import IN_DEGREES, Context, Fields, check_controls, in_degrees, named_bounds, positive
+from .geometry import read_geometry
 from .propulsion import Propulsion
 from .propulsion import Rotor as Rotor
 
@@ -30,14 +40,13 @@ AERODYNAMICS = {
     'table': (aero_table.KEYS, aero_table.read_table_aerodynamics),
     'buildup': (aero_direct.KEYS, aero_direct.read_buildup_or_direct),
     'balloon': (buoyancy.KEYS, buoyancy.read_balloon),
+    'body_drag': (body_drag.KEYS, body_drag.read_body_drag),
 }
 PROPULSION = {
     'rocket': (propulsion.ROCKET_KEYS, propulsion.read_rocket),
     'propeller': (propeller.KEYS, propeller.read_propeller),
+    'jet': (jet.KEYS, jet.read_jet),
 }
-
-SHAPES = {'rocket': ('length', 'diameter'), 'balloon': ('diameter',)}
-"""Dimensions [m] of geometries beside airplanes, which `aero_buildup` describes."""
 
 OUTPUTS = ('altitude', *COEFFICIENTS, 'lift', 'drag', 'thrust', 'power', 'rotation', 'mach')
 """What can be limited beside states, controls and the kinematics of every stage."""
@@ -67,7 +76,9 @@ def load_vehicle(
     model_name = document.choice('model', FAMILY)
     gravity = document.number('gravity', G)
     controls = _controls(document)
-    geometry = _geometry(document)
+    geometry = {}
+    if 'geometry' in document:
+        geometry = read_geometry(document.need('geometry'), path.parent, document.at('geometry'))
     context = Context(path.parent, gravity, tuple(controls), geometry)
     aerodynamics = _aerodynamics(document, context)
     mass = document.positive('mass')
@@ -96,21 +107,6 @@ def load_vehicle(
 def list_vehicles(config_dir: str | Path | None = None) -> list[Vehicle]:
     """Return every configured vehicle, by name."""
     return [load_vehicle(name, config_dir) for name in list_configs('vehicles', config_dir)]
-
-
-def _geometry(document: Fields) -> dict[str, Any]:
-    if 'geometry' not in document:
-        return {}
-    kinds = {**SHAPES, 'airplane': ()}
-    dimensions, where = _kind(document, 'geometry', kinds)
-    geometry = document.named('geometry')
-    if dimensions:
-        given = Fields(geometry, ('kind', *dimensions), where)
-        for key in dimensions:
-            given.positive(key)
-    else:
-        aero_buildup.check_geometry(geometry, where)
-    return geometry
 
 
 def _controls(document: Fields) -> dict[str, tuple[float, float]]:

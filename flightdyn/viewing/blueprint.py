@@ -1,6 +1,6 @@
 """How a recording opens in the Rerun viewer: which views, where, from which side."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,8 +31,12 @@ class Layout:
         The plots that were recorded, most useful first.
     overview, chase : Camera
         The overview's in earth axes, the chase view's in forward, left, up of the heading.
-    path_note : str
-        What the path's colours mean.
+    lanes : int
+        How many lanes of states there are.
+    vehicles : sequence of str
+        Their entities below `/world`.
+    legend : bool
+        Whether the path's colours have a legend.
     map_zoom : float or None
         Zoom of the map; None if there is no map.
     """
@@ -41,7 +45,9 @@ class Layout:
     groups: Sequence[Group]
     overview: Camera
     chase: Camera
-    path_note: str = ''
+    lanes: int = 0
+    vehicles: Sequence[str] = ('vehicle',)
+    legend: bool = True
     map_zoom: float | None = None
 
 
@@ -54,17 +60,21 @@ def playback_speed(duration: float) -> float:
 def flight_blueprint(layout: Layout) -> rrb.Blueprint:
     """Return the blueprint: 3D views and map left, plots right, paused at the start."""
     everything = '+ /world/**'
+    # Sizes of arrows fit the true vehicle: the overview's would be dots, or in its way.
+    small = ['- /world/chase/**']
+    small += [f'- /world/{v}/{part}/**' for v in layout.vehicles for part in ('body', 'arrows')]
     overview = rrb.Spatial3DView(
         origin='/world',
-        name=f'Overview ({layout.path_note})',
-        contents=[everything, '- /world/chase/**', '- /world/vehicle/body/**'],
+        name='Overview',
+        contents=[everything, *small, '- /world/sigma/**'],
         background=SKY,
         line_grid=False,
         eye_controls=_eye(layout.overview),
     )
     # Ghosts and the curtain of every circle flown would stand in the way from close by.
-    large = ['- /world/vehicle/enlarged/**', '- /world/vehicle/marker/**']
-    hidden = [*large, '- /world/ghosts/**', '- /world/curtain/**']
+    large = [f'- /world/{v}/enlarged/**' for v in layout.vehicles]
+    large += [f'- /world/{layout.vehicles[0]}/marker/**']
+    hidden = [*large, '- /world/ghosts/**', '- /world/curtain/**', '- /world/uncertainty/**']
     chase = rrb.Spatial3DView(
         origin='/world/chase',
         name='Chase',
@@ -72,6 +82,13 @@ def flight_blueprint(layout: Layout) -> rrb.Blueprint:
         background=SKY,
         line_grid=False,
         eye_controls=_eye(layout.chase),
+    )
+    legend = rrb.Spatial2DView(
+        origin='/legend',
+        name='Colours of the path',
+        background=[13, 16, 17],
+        titlebar=False,
+        visual_bounds=rrb.VisualBounds2D(x_range=[-50, 562], y_range=[-4, 34]),
     )
     events = rrb.TextLogView(origin='/events', name='Events')
     summary = rrb.TextDocumentView(origin='/summary', name='Summary')
@@ -82,9 +99,10 @@ def flight_blueprint(layout: Layout) -> rrb.Blueprint:
         chart = rrb.MapView(origin='/map', name='Map', zoom=layout.map_zoom)
         notes = rrb.Tabs(events, summary, active_tab=0)
         lower = rrb.Horizontal(chart, notes, column_shares=[1, 1])
-    scene = rrb.Horizontal(overview, chase, column_shares=[3, 2])
+    whole = rrb.Vertical(overview, legend, row_shares=[11, 1]) if layout.legend else overview
+    scene = rrb.Horizontal(whole, chase, column_shares=[3, 2])
     left = rrb.Vertical(scene, lower, row_shares=[5, 2])
-    plots = _plots(layout.groups)
+    plots = _plots(layout.groups, layout.lanes)
     return rrb.Blueprint(
         rrb.Horizontal(left, plots, column_shares=[5, 2]) if layout.groups else left,
         rrb.TimePanel(
@@ -100,28 +118,115 @@ def flight_blueprint(layout: Layout) -> rrb.Blueprint:
     )
 
 
+def live_blueprint(
+    *,
+    vehicle: str | None,
+    chase_distance: float,
+    overview: Camera | None,
+    plots: Mapping[str, str],
+    iterating: bool,
+) -> rrb.Blueprint:
+    """Return the blueprint of what comes in live: it follows the newest data.
+
+    Parameters
+    ----------
+    vehicle : str or None
+        The one to chase, if any has been seen.
+    chase_distance : float
+        Size of that vehicle [m].
+    overview : Camera or None
+        From where a whole path is seen; without one the overview follows the vehicle.
+    plots : mapping of key to title
+    iterating : bool
+        Whether there are a solver's iterations to watch.
+    """
+    # pieces of trail since the start stay; all else is as it is now
+    trail = rrb.VisibleTimeRange(
+        'flight_time',
+        start=rrb.TimeRangeBoundary.infinite(),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
+    )
+    eye = _eye(overview) if overview else rrb.EyeControls3D(tracking_entity=f'/world/{vehicle}')
+    scenes: list[rrb.View] = [
+        rrb.Spatial3DView(
+            origin='/world',
+            name='Overview',
+            background=SKY,
+            eye_controls=eye,
+            time_ranges=[trail],
+        )
+    ]
+    if vehicle is not None:
+        d = chase_distance
+        scenes.append(
+            rrb.Spatial3DView(
+                origin=f'/world/chase/{vehicle}',
+                name='Chase',
+                contents=['+ /world/**', f'- /world/{vehicle}/marker'],
+                background=SKY,
+                eye_controls=_eye(Camera((-1.9 * d, 0.9 * d, 0.8 * d), (0.0, 0.0, 0.0))),
+                time_ranges=[trail],
+            )
+        )
+    recent = rr.TimeRange(
+        start=rr.TimeRangeBoundary.cursor_relative(seconds=-60),
+        end=rr.TimeRangeBoundary.cursor_relative(seconds=0),
+    )
+    views: list[rrb.View] = [
+        rrb.TimeSeriesView(
+            origin=f'/plots/{key}', name=title, axis_x=rrb.TimeAxis(view_range=recent)
+        )
+        for key, title in list(plots.items())[:MAX_PLOT_ROWS]
+    ]
+    if iterating:
+        views.append(rrb.Spatial2DView(origin='/histories', name='The iterate over time'))
+        views.append(rrb.TimeSeriesView(origin='/iterations', name='Duration of the iterate [s]'))
+    views.append(rrb.TextLogView(origin='/events', name='Events'))
+    shares = [2.5 if view.origin == '/histories' else 1.0 for view in views]
+    side = rrb.Vertical(*views, row_shares=shares)
+    return rrb.Blueprint(
+        rrb.Horizontal(rrb.Vertical(*scenes), side, column_shares=[2, 1]),
+        rrb.TimePanel(
+            state='collapsed',
+            timeline='flight_time' if vehicle is not None or not iterating else 'iteration',
+            play_state='following',
+        ),
+        rrb.BlueprintPanel(state='hidden'),
+        rrb.SelectionPanel(state='hidden'),
+        auto_views=False,
+    )
+
+
 def _eye(camera: Camera) -> rrb.EyeControls3D:
     return rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital, position=camera.position, look_target=camera.target
     )
 
 
-def _plots(groups: Sequence[Group]) -> rrb.Container:
+def _plots(groups: Sequence[Group], lanes: int) -> rrb.Container:
     views: list[rrb.View | rrb.Container] = [_plot(group) for group in groups]
     keep = MAX_PLOT_ROWS if len(views) <= MAX_PLOT_ROWS else MAX_PLOT_ROWS - 1
     if len(views) > keep:
         views = [*views[:keep], rrb.Tabs(*views[keep:], active_tab=0)]
-    return rrb.Vertical(*views, row_shares=np.ones(len(views)).tolist())
+    shares = [3.0] * len(views)
+    if lanes:
+        lane = rrb.StateTimelineView(
+            origin='/lanes', name='Phases', time_view=rrb.TimeAxis(view_range=_whole_flight())
+        )
+        views.append(lane)
+        shares.append(1.2 + 0.5 * lanes)
+    return rrb.Vertical(*views, row_shares=shares)
+
+
+def _whole_flight() -> rr.TimeRange:
+    return rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
 
 
 def _plot(group: Group) -> rrb.TimeSeriesView:
-    everything = rr.TimeRange(
-        start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite()
-    )
     return rrb.TimeSeriesView(
         origin=f'/plots/{group.key}',
         name=group.title,
-        axis_x=rrb.TimeAxis(view_range=everything),
+        axis_x=rrb.TimeAxis(view_range=_whole_flight()),
         axis_y=rrb.ScalarAxis(range=_value_range(group)),
         plot_legend=rrb.PlotLegend(corner=_free_corner(group)),
     )

@@ -1,6 +1,7 @@
 """What happened during a flight, and the figures that sum it up."""
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Literal
@@ -13,6 +14,7 @@ from .kinematics import Motion
 
 Level = Literal['DEBUG', 'INFO', 'WARN', 'ERROR']
 MAX_GAP_EVENTS = 200
+TICK = 1e-6  # s after the last sample of a stretch, its lane ends
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,38 @@ class Event:
     def __post_init__(self) -> None:
         if not np.isfinite(self.time):
             raise InputError(f'event {self.text!r} has time {self.time}')
+
+
+@dataclass(frozen=True)
+class Lane:
+    """States that follow each other, such as phases: each holds until the next.
+
+    Raises
+    ------
+    InputError
+        If there are not as many times as states, or times do not increase.
+    """
+
+    name: str
+    times: tuple[float, ...]
+    states: tuple[str | None, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.times) != len(self.states) or not (np.diff(self.times) > 0).all():
+            raise InputError(f'lane {self.name!r}: needs one increasing time for each state')
+
+
+def flight_lanes(motion: Motion) -> list[Lane]:
+    """Return the lanes that can be read off any motion: its unbroken stretches, if several."""
+    parts = motion.segments
+    if not 1 < len(parts) <= MAX_GAP_EVENTS:
+        return []
+    changes: dict[float, str | None] = {}
+    for number, part in enumerate(parts, start=1):
+        changes[float(motion.time[part.start])] = f'segment {number}'
+        changes[float(motion.time[part.stop - 1]) + TICK] = None
+    ordered = sorted(changes)
+    return [Lane('segment', tuple(ordered), tuple(changes[t] for t in ordered))]
 
 
 def _figure(value: float, digits: int) -> str:
@@ -117,3 +151,21 @@ def summary_markdown(
     ]
     lines = [f'# {title}', '', '| | |', '|---|---|', *rows, '']
     return '\n'.join([*lines, *(f'- {note}' for note in notes)])
+
+
+def flat(properties: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
+    """Return nested properties as one level of names with values a recording can hold."""
+    found: dict[str, Any] = {}
+    for name, value in properties.items():
+        key = f'{prefix}{name}'
+        if isinstance(value, Mapping):
+            found.update(flat(value, f'{key}_'))
+        elif value is None:
+            continue
+        elif isinstance(value, bool | int | float | str):
+            found[key] = value
+        elif isinstance(value, np.generic):
+            found[key] = value.item()
+        else:
+            found[key] = json.dumps(value, default=str)
+    return found

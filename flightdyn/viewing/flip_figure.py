@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, MissingExtraError
 from ..trajectory import Trajectory
-from .plotting import draw_columns, new_figure, style, title_of
+from .plotting import NOTHING, About, draw_columns, label_time, new_figure, put_heading, style
 
 try:
     from matplotlib.axes import Axes
@@ -20,17 +20,20 @@ except ImportError as error:
 WIDTH = 0.1  # m, between the rotors
 ROTORS = {'thrust_left': -0.5, 'thrust_right': 0.5}  # x_b in widths
 SNAPSHOTS = 13
+MOST_WIDTHS = 15  # along a path: of a longer one the vehicle is drawn larger, to be seen
 _THRUST_MAP = LinearSegmentedColormap.from_list('thrust', ['#dbe6f2', '#5b92c8', '#08306b'])
 
 
-def flip_figure(plan: Trajectory) -> Figure:
+def flip_figure(plan: Trajectory, about: About = NOTHING) -> Figure:
     """Return a quadcopter's planar manoeuvre: the vehicle along its path, and its thrusts.
 
     Parameters
     ----------
     plan : Trajectory
         With x_e, z_e [m], theta [rad] and, if known, thrust_left, thrust_right [N]. On a path
-        longer than 30 vehicle widths the vehicle is drawn larger, and the figure says so.
+        longer than `MOST_WIDTHS` the vehicle is drawn larger, and the figure says so.
+    about : About
+        Limits of the thrusts are dashed, every other arc is shaded.
 
     Raises
     ------
@@ -42,22 +45,22 @@ def flip_figure(plan: Trajectory) -> Figure:
         raise InputError(f'no flip to draw: the trajectory lacks {", ".join(missing)}')
     x, altitude = plan['x_e'], -plan['z_e']
     extent = max(float(np.ptp(x)), float(np.ptp(altitude)), WIDTH)
-    larger = max(1.0, extent / (30 * WIDTH))
+    larger = max(1.0, extent / (MOST_WIDTHS * WIDTH))
     thrusts = [name for name in ROTORS if name in plan]
     high = max((float(plan[name].max()) for name in thrusts), default=1.0)
     norm = Normalize(0.0, max(high, 1e-9))
     with style():
-        figure = new_figure((7.5, 6.2 if thrusts else 4.5))
+        figure = new_figure((8.0, 4.6 + 1.0 * len(thrusts)))
+        scene, *histories = figure.subplots(
+            1 + len(thrusts), 1, height_ratios=(3.4, *(1 for _ in thrusts)), squeeze=False
+        ).ravel()
+        for ax, name in zip(histories, thrusts, strict=True):
+            draw_columns(ax, plan, [name], about=about)
+            ax.margins(y=0.12)
         if thrusts:
-            scene, history = figure.subplots(2, 1, height_ratios=(3, 1))
-            draw_columns(history, plan, thrusts)
-            history.set(xlabel='time [s]', ylabel='rotor thrust [N]')
-            history.set_xlim(plan.time[0], plan.time[-1])
-            history.margins(y=0.1)
+            label_time(histories, plan)
             bar = ScalarMappable(norm=norm, cmap=_THRUST_MAP)
-            figure.colorbar(bar, ax=scene, label='rotor thrust [N]', shrink=0.85)
-        else:
-            scene = figure.subplots()
+            figure.colorbar(bar, ax=scene, label='rotor thrust [N]', pad=0.01)
         scene.plot(x, altitude, color='#b0b0b0', lw=1.2, zorder=1)
         for t in _snapshot_times(plan):
             _draw_vehicle(scene, plan, float(t), WIDTH * larger, norm)
@@ -66,8 +69,8 @@ def flip_figure(plan: Trajectory) -> Figure:
         scene.set_ylim(altitude.min() - room, altitude.max() + room)
         scene.set_aspect('equal', adjustable='box')
         scene.set(xlabel='x_e [m]', ylabel='altitude [m]')
-        note = f', vehicle drawn {larger:.2g} times its size' if larger > 1.05 else ''
-        figure.suptitle(f'{title_of(plan)}, {plan.duration:.3g} s{note}', fontsize=10)
+        note = f'vehicle drawn {larger:.2g} times its size' if larger > 1.05 else ''
+        put_heading(figure, plan, about, note)
     return figure
 
 

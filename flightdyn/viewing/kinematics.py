@@ -38,6 +38,8 @@ class Motion:
         Height in the trajectory's own datum [m]: its output `altitude`, or -z_e.
     segments : list of slice
         The unbroken stretches.
+    sigma : array (n, 3) or None
+        1-sigma of the position, north, east, down [m], where it is known.
     """
 
     time: Array
@@ -48,6 +50,7 @@ class Motion:
     speed: Array
     altitude: Array
     segments: list[slice]
+    sigma: Array | None = None
 
     @cached_property
     def arc_length(self) -> Array:
@@ -72,9 +75,25 @@ class Motion:
     @cached_property
     def velocity_body(self) -> Array:
         """Velocity in body axes [m/s] (n, 3)."""
+        return self.in_body(self.velocity)
+
+    @cached_property
+    def hovers(self) -> bool:
+        """Whether it stays in the air, 3 m above its lowest point, all but standing."""
+        aloft = self.altitude > self.altitude.min() + 3.0
+        still = aloft & (self.speed < 1.5)
+        return bool(still.sum() > 0.1 * max(int(aloft.sum()), 1))
+
+    def in_body(self, vectors: Array) -> Array:
+        """Return vectors (n, 3) of earth axes in body axes."""
+        x, y, z = vectors.T
         r_be = frames.transpose(_rotation(self.attitude))
-        u_e, v_e, w_e = self.velocity.T
-        return np.asarray(frames.stack(frames.rotate(r_be, (u_e, v_e, w_e))))
+        return np.asarray(frames.stack(frames.rotate(r_be, (x, y, z))))
+
+    def in_earth(self, vectors: Array) -> Array:
+        """Return vectors (n, 3) of body axes in earth axes."""
+        x, y, z = vectors.T
+        return np.asarray(frames.stack(frames.rotate(_rotation(self.attitude), (x, y, z))))
 
 
 def motion_of(trajectory: Trajectory, *, origin: GeodeticPoint | None = None) -> Motion:
@@ -119,9 +138,19 @@ def motion_of(trajectory: Trajectory, *, origin: GeodeticPoint | None = None) ->
         attitude = _stack(frames.quaternion_multiply(along, body))
     speed = trajectory['speed'] if 'speed' in trajectory else np.linalg.norm(velocity, axis=1)
     altitude = trajectory['altitude'] if 'altitude' in trajectory else -position[:, 2]
+    stds = [columns.get(f'{name}_std') for name in ('x_e', 'y_e', 'z_e')]
+    known = [std for std in stds if std is not None]
+    sigma = np.column_stack([zero if std is None else std for std in stds]) if known else None
     return Motion(
-        trajectory.time, position, attitude, heading, velocity, speed, altitude, segments
+        trajectory.time, position, attitude, heading, velocity, speed, altitude, segments, sigma
     )
+
+
+def level_attitude(heading: Array) -> Array:
+    """Return the attitude (n, 4) of a level frame forward, left, up at headings [rad]."""
+    turn = frames.quaternion_from_euler(0.0, 0.0, heading)
+    # The viewer wants up to be up: half a turn about forward.
+    return _stack(frames.quaternion_multiply(turn, (0.0, 1.0, 0.0, 0.0)))
 
 
 def thinned(trajectory: Trajectory, most: int) -> Trajectory:

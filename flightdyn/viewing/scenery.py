@@ -1,6 +1,5 @@
 """Static geometry of a 3D scene: coloured path, curtain, ground, ghosts and cameras."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -8,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..trajectory import Trajectory
+from .coloring import BINS, Coloring, color_map
 from .kinematics import Motion
 
 Array = NDArray[np.float64]
@@ -16,29 +16,11 @@ Colors = NDArray[np.uint8]
 MAX_PATH_POINTS = 50_000
 MAX_PATH_STRIPS = 1_000  # the viewer's time to the first picture grows with strips, not points
 MAX_CURTAIN_POINTS = 6_000
-COLOR_BINS = 24
+MAX_TUBE_POINTS = 20_000
+TUBE_SIDES = 8
+EARTH_RADIUS = 6_371_000.0  # m, mean
 SCENE_SHARE = 0.04  # a vehicle drawn this large against the scene can be seen and read
 FIELD_OF_VIEW = np.radians(55.0)  # the viewer's own, vertical
-
-# Violet over teal to yellow: luminance rises steadily, so it reads without hue as well.
-_MAP = np.array(
-    [(92, 82, 190), (70, 118, 200), (44, 146, 182), (36, 168, 142), (84, 196, 104),
-     (166, 219, 58), (253, 231, 60)], float,
-)  # fmt: skip
-
-
-def color_map(values: Array, low: float, high: float) -> Colors:
-    """Return colours (n, 3), violet at `low` to yellow at `high`."""
-    share = np.clip((np.asarray(values, float) - low) / max(high - low, 1e-12), 0, 1)
-    at = share * (len(_MAP) - 1)
-    rgb = [np.interp(at, np.arange(len(_MAP)), _MAP[:, i]) for i in range(3)]
-    return np.round(np.column_stack(rgb)).astype(np.uint8)
-
-
-def speed_range(motion: Motion) -> tuple[float, float]:
-    """Return the speeds [m/s] at the ends of the colour map: 1 in 200 samples lies beyond each."""
-    low, high = np.quantile(motion.speed, (0.005, 0.995))
-    return (float(low), float(high)) if high - low > 1e-9 else (float(low) - 0.5, float(low) + 0.5)
 
 
 def drawn_samples(motion: Motion, budget: int) -> list[NDArray[np.intp]]:
@@ -67,25 +49,24 @@ class Strip:
     color: tuple[int, int, int]
 
 
-def colored_strips(motion: Motion, *, budget: int = MAX_PATH_POINTS) -> list[Strip]:
-    """Return the path as strips of one speed colour each; none crosses a gap.
+def colored_strips(
+    motion: Motion, coloring: Coloring, *, budget: int = MAX_PATH_POINTS
+) -> list[Strip]:
+    """Return the path as strips of one colour each; none crosses a gap.
 
-    Strips meet in a shared sample. The speed is averaged over short runs before it is binned, or
+    Strips meet in a shared sample. Values are averaged over short runs before they are binned, or
     noise would cut the path into confetti.
     """
-    low, high = speed_range(motion)
     parts = [part for part in drawn_samples(motion, budget) if part.size > 1]
     total = sum(part.size for part in parts)
     run = max(1, -(-total // MAX_PATH_STRIPS))
-    levels = np.linspace(low, high, COLOR_BINS)
-    palette = color_map(levels, low, high)
+    palette = color_map(np.linspace(0, 1, BINS))
     strips = []
     for part in parts:
         starts = np.arange(0, part.size - 1, run)
-        speed = np.add.reduceat(motion.speed[part[:-1]], starts)
-        speed /= np.diff(np.append(starts, part.size - 1))
-        level = np.round((speed - low) / (high - low) * (COLOR_BINS - 1))
-        level = np.clip(level, 0, COLOR_BINS - 1).astype(int)
+        share = np.add.reduceat(coloring.share[part[:-1]], starts)
+        share /= np.diff(np.append(starts, part.size - 1))
+        level = np.round(share * (BINS - 1)).astype(int)
         first = np.flatnonzero(np.diff(level, prepend=-1))
         bounds = np.append(starts[first], part.size - 1)
         for k, (a, b) in enumerate(pairwise(bounds)):
@@ -105,20 +86,21 @@ def ground_altitude(trajectory: Trajectory, motion: Motion) -> float:
     return lowest if real else min(0.0, lowest)
 
 
-def curtain(motion: Motion, ground: float) -> tuple[Array, NDArray[np.uint32], Colors]:
+def curtain(
+    motion: Motion, coloring: Coloring, ground: float
+) -> tuple[Array, NDArray[np.uint32], Colors]:
     """Return vertices (n, 3), triangles (m, 3) and colours (n, 3) from the path to the ground.
 
     The foot is `altitude - ground` below the path, which on long flights follows the round earth
     away from the tangent plane.
     """
     vertices, triangles, colors, base = [], [], [], 0
-    low, high = speed_range(motion)
     for part in drawn_samples(motion, MAX_CURTAIN_POINTS):
         top = motion.position[part]
         foot = top.copy()
         foot[:, 2] += np.maximum(motion.altitude[part] - ground, 0)
         vertices.append(np.stack([top, foot], axis=1).reshape(-1, 3))
-        colors.append(np.repeat(color_map(motion.speed[part], low, high), 2, axis=0))
+        colors.append(np.repeat(color_map(coloring.share[part]), 2, axis=0))
         a = base + 2 * np.arange(part.size - 1)
         triangles.append(
             np.stack([np.stack([a, a + 1, a + 2], 1), np.stack([a + 1, a + 3, a + 2], 1)], axis=1)
@@ -131,6 +113,38 @@ def curtain(motion: Motion, ground: float) -> tuple[Array, NDArray[np.uint32], C
     )
 
 
+def tube(motion: Motion) -> tuple[Array, NDArray[np.uint32]] | None:
+    """Return vertices (n, 3) and triangles (m, 3) of a tube one sigma wide about the path.
+
+    Level across the path it is as wide as the larger of the level 1-sigmas, upright as high as
+    that of z_e. None without 1-sigmas, and for a flight of so many samples that the tube's
+    straight pieces would be off the path by more than they are wide.
+    """
+    if motion.sigma is None or len(motion.time) > MAX_TUBE_POINTS:
+        return None
+    vertices, triangles, base = [], [], 0
+    angle = np.linspace(0, 2 * np.pi, TUBE_SIDES, endpoint=False)
+    for part in motion.segments:
+        n = part.stop - part.start
+        if n < 2:
+            continue
+        turn = motion.heading[part]
+        across = np.stack([-np.sin(turn), np.cos(turn), np.zeros(n)], axis=1)
+        wide = motion.sigma[part, :2].max(axis=1)[:, None] * across
+        high = motion.sigma[part, 2:] * np.array([0.0, 0.0, 1.0])
+        ring = np.cos(angle)[:, None] * wide[:, None] + np.sin(angle)[:, None] * high[:, None]
+        vertices.append((motion.position[part][:, None] + ring).reshape(-1, 3))
+        k = np.arange(TUBE_SIDES)
+        a = base + TUBE_SIDES * np.arange(n - 1)[:, None] + k
+        b = base + TUBE_SIDES * np.arange(n - 1)[:, None] + (k + 1) % TUBE_SIDES
+        sides = [[a, b, a + TUBE_SIDES], [b, b + TUBE_SIDES, a + TUBE_SIDES]]
+        triangles += [np.stack(side, axis=-1).reshape(-1, 3) for side in sides]
+        base += TUBE_SIDES * n
+    if not vertices:
+        return None
+    return np.concatenate(vertices), np.concatenate(triangles).astype(np.uint32)
+
+
 def nice_step(value: float) -> float:
     """Return the 1, 2 or 5 times a power of ten nearest to a positive value."""
     steps = np.outer(10.0 ** np.arange(-9, 10), (1.0, 2.0, 5.0)).ravel()
@@ -139,15 +153,31 @@ def nice_step(value: float) -> float:
 
 @dataclass(frozen=True)
 class Ground:
-    """A level grid: line ends (n, 2, 3), spacing [m], corners (4, 3) of the plane below it."""
+    """A grid on the ground: lines (n, k, 3), its spacing [m], and the surface just below it."""
 
     lines: Array
     spacing: float
-    corners: Array
+    vertices: Array
+    triangles: NDArray[np.uint32]
 
 
-def ground_grid(motion: Motion, z_e: float) -> Ground:
-    """Return a grid under the whole flight, lines on whole multiples of a round spacing."""
+def ground_level(motion: Motion, ground: float, *, round_earth: bool = False) -> float:
+    """Return z_e at the origin [m] of a ground of some altitude [m].
+
+    Below the lowest sample it is as far away as the altitudes say.
+    """
+    lowest = int(np.argmin(motion.altitude))
+    x, y, z = motion.position[lowest]
+    fall = (x**2 + y**2) / (2 * EARTH_RADIUS) if round_earth else 0.0
+    return float(z + motion.altitude[lowest] - ground - fall)
+
+
+def ground_grid(motion: Motion, z_e: float, *, round_earth: bool = False) -> Ground:
+    """Return a grid under the whole flight, lines on whole multiples of a round spacing.
+
+    On a round earth it falls away from the tangent plane of the local axes, so that a flight of
+    hundreds of kilometres is nowhere below it.
+    """
     low, high = motion.bounds
     extent = max(float((high - low)[:2].max()), 0.35 * motion.size, 1e-3)
     spacing = nice_step(extent / 9)
@@ -156,20 +186,29 @@ def ground_grid(motion: Motion, z_e: float) -> Ground:
     stop = np.ceil((high[:2] + margin) / spacing) * spacing
     x = np.arange(start[0], stop[0] + spacing / 2, spacing)
     y = np.arange(start[1], stop[1] + spacing / 2, spacing)
-    lines = [[(xi, start[1], z_e), (xi, stop[1], z_e)] for xi in x]
-    lines += [[(start[0], yi, z_e), (stop[0], yi, z_e)] for yi in y]
-    # Just under the lines, or the two fight for the same pixels.
-    low_z = z_e + 0.002 * extent
-    corners = [(start[0], start[1]), (stop[0], start[1]), (stop[0], stop[1]), (start[0], stop[1])]
-    return Ground(np.array(lines), spacing, np.array([(a, b, low_z) for a, b in corners]))
+    level_x, level_y = np.meshgrid(x, y, indexing='ij')
+    fall = (level_x**2 + level_y**2) / (2 * EARTH_RADIUS) if round_earth else 0.0 * level_x
+    points = np.stack([level_x, level_y, z_e + fall], axis=-1)
+    # straight lines and faces between the grid's points, or the two would cross
+    lines = [points[i] for i in range(x.size)] + [points[:, j] for j in range(y.size)]
+    longest = max(x.size, y.size)
+    full = [np.concatenate([line, np.repeat(line[-1:], longest - len(line), 0)]) for line in lines]
+    surface = points.copy()
+    surface[..., 2] += 0.002 * extent  # just under the lines, or the two fight for the same pixels
+    a = (np.arange(x.size - 1)[:, None] * y.size + np.arange(y.size - 1)).ravel()
+    halves = (a, a + y.size, a + 1), (a + 1, a + y.size, a + y.size + 1)
+    triangles = np.concatenate([np.stack(half, axis=1) for half in halves])
+    return Ground(np.array(full), spacing, surface.reshape(-1, 3), triangles.astype(np.uint32))
 
 
-def ghost_samples(motion: Motion, size: float) -> NDArray[np.intp]:
+def ghost_samples(motion: Motion, size: float, count: int | None = None) -> NDArray[np.intp]:
     """Return samples at which to draw the vehicle, spread over time and distance alike.
 
-    There are at most 16, fewer where vehicles of this size [m] would overlap.
+    Unless a count is given there are at most 16, fewer where vehicles of this size [m] would
+    overlap.
     """
-    count = int(np.clip(motion.arc_length[-1] / (1.1 * size), 5, 16))
+    if count is None:
+        count = int(np.clip(motion.arc_length[-1] / (1.1 * size), 5, 16))
     share = np.linspace(0, 1, len(motion.time))
     if motion.arc_length[-1] > 0:
         elapsed = motion.time - motion.time[0]
@@ -247,9 +286,3 @@ def lines_on_map(lat_lon: Array, index: NDArray[np.intp]) -> list[Array]:
     line = lat_lon[index]
     cuts = np.flatnonzero(np.abs(np.diff(line[:, 1])) > 180) + 1
     return [piece for piece in np.split(line, cuts) if len(piece) > 1]
-
-
-def slices(n: int, rows: int) -> Iterator[slice]:
-    """Yield 0..n in slices of at most `rows`."""
-    for start in range(0, n, rows):
-        yield slice(start, min(start + rows, n))

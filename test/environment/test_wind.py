@@ -11,6 +11,8 @@ from flightdyn.environment.wind import (
     ConstantWind,
     LogWind,
     PowerLawWind,
+    ScaledWind,
+    ShearWind,
     TableWind,
     as_wind,
 )
@@ -23,6 +25,7 @@ TABLE = TableWind(HEIGHTS, NORTH, EAST)
 PROFILES = {
     'power': PowerLawWind(12.0, 200.0),
     'log': LogWind(12.0, 200.0),
+    'shear': ShearWind(0.1, 200.0),
     'table': TABLE,
     'sum': TABLE + PowerLawWind(3.0, 45.0),
 }
@@ -52,6 +55,17 @@ def test_power_law() -> None:
     for height in (1.0, 2.0, 40.0, 300.0):
         assert at(wind, height)[0] == pytest.approx(10 * (height / 10) ** 0.2, rel=1e-14)
     assert np.array_equal(at(wind, 0.0), (0, 0, 0)) and np.array_equal(at(wind, -5.0), (0, 0, 0))
+
+
+def test_shear_is_in_proportion_to_the_height() -> None:
+    wind = ShearWind(0.1, 270.0)
+    assert at(wind, 50.0) == pytest.approx((0, 5, 0))
+    assert at(wind, -10.0) == pytest.approx((0, -1, 0))
+
+
+def test_a_scaled_wind_is_so_many_times_the_wind() -> None:
+    wind = ScaledWind(ConstantWind(1.0, 2.0, 3.0), 2.0) + (10.0, 0.0, 0.0)
+    assert at(wind, 0.0) == (12.0, 4.0, 6.0)
 
 
 def test_log_law() -> None:
@@ -139,6 +153,7 @@ def test_constant_wind_may_be_symbolic() -> None:
     ('make', 'message'),
     [
         (lambda: ConstantWind(float('nan')), 'x is nan'),
+        (lambda: ShearWind(float('inf'), 0.0), 'gradient is inf'),
         (lambda: PowerLawWind(5.0, 0.0, reference_height=0.0), 'reference_height is 0.0'),
         (lambda: PowerLawWind(5.0, 0.0, exponent=-0.1), 'exponent is -0.1'),
         (lambda: LogWind(5.0, 0.0, roughness=0.0), 'roughness is 0.0'),

@@ -100,6 +100,10 @@ HOPELESS: dict[str, tuple[bytes, str]] = {
         mcap(fix_chunk(compression='brotli')),
         "compression 'brotli' is not supported",
     ),
+    'compression of control characters': (
+        mcap(fix_chunk(compression='\x1b[2J' + 1000 * 'z')),
+        "z'... is not supported",
+    ),
     'size of 2**60': (mcap(fix_chunk(size=2**60)), 'claims to unpack to 1152921504606846976'),
     'size too small': (mcap(fix_chunk(size=100)), 'more than the 100 bytes'),
     'size too large': (mcap(fix_chunk(size=10**6)), '1000000 were announced'),

@@ -15,6 +15,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from flightdyn.errors import LogError
 from flightdyn.logs import list_sources, nmea, read_track
+from flightdyn.replay import replay_log
 
 Write = Callable[..., Path]
 FIX = 'sensor_msgs/msg/NavSatFix'
@@ -269,9 +270,9 @@ def gga(
     )
 
 
-def rmc(when: datetime, status: str = 'A') -> str:
+def rmc(when: datetime, status: str = 'A', lat: str = '4807.038,N') -> str:
     return with_sum(
-        f'GPRMC,{when:%H%M%S.%f},{status},4807.038,N,01131.000,E,022.4,084.4,{when:%d%m%y},003.1,W'
+        f'GPRMC,{when:%H%M%S.%f},{status},{lat},01131.000,E,022.4,084.4,{when:%d%m%y},003.1,W'
     )
 
 
@@ -322,8 +323,24 @@ def test_any_text_is_a_sentence_or_none(text: str) -> None:
     assert parts is None or text.startswith('$')
 
 
-def test_a_log_without_a_gga_says_what_it_has(write_log: Write) -> None:
-    path = sentences(write_log, [rmc(MIDNIGHT + timedelta(seconds=i)) for i in range(9)])
+def test_without_a_gga_rmc_tells_the_place_and_no_altitude(write_log: Write) -> None:
+    """Such logs were refused."""
+    texts = [rmc(MIDNIGHT + timedelta(seconds=i), lat=f'48{i:02}.5,S') for i in range(9)]
+    path = sentences(write_log, [*texts, rmc(MIDNIGHT, status='V'), with_sum('GPVTG,084.4,T')])
+    track = read_track(path)
+    assert track.dropped == {'another NMEA sentence': 1, 'no fix': 1}
+    assert_allclose(track.lat, -(48 + (np.arange(9) + 0.5) / 60), rtol=0, atol=1e-12)
+    assert_allclose(track.lon, 11 + 31 / 60, rtol=0, atol=1e-12)
+    assert_array_equal(track.time_ns, (int(MIDNIGHT.timestamp()) + np.arange(9)) * 10**9)
+    assert track.altitude_datum == 'unknown'
+    assert 'no GGA: the altitude is unknown' in ' '.join(track.warnings)
+    replay = replay_log(path)
+    assert 'no altitude in the log: taken as 0' in replay.summary()['warnings']
+    assert_allclose(replay.trajectory['altitude'], 0.0, atol=1e-6)
+
+
+def test_a_log_without_positions_says_what_it_has(write_log: Write) -> None:
+    path = sentences(write_log, [with_sum('GPVTG,084.4,T') for i in range(9)])
     with pytest.raises(LogError, match=r'0 usable of 9 messages \(9 another NMEA sentence\)'):
         read_track(path)
 

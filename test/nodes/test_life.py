@@ -55,6 +55,12 @@ def shared_memory(pid: int | str) -> set[str]:
     return set()
 
 
+def left_behind(mapped: set[str]) -> list[str]:
+    """Return what is still there of a process that has ended, and nobody else's."""
+    others = set().union(*(shared_memory(p.name) for p in Path('/proc').glob('[0-9]*')))
+    return [file for file in mapped - others if Path(file).exists()]
+
+
 @pytest.mark.parametrize('name', NODES)
 @pytest.mark.parametrize('number', [*SIGNALS, None])
 def test_nothing_is_left_in_shared_memory(
@@ -79,8 +85,7 @@ def test_nothing_is_left_in_shared_memory(
             mapped = shared_memory(process.process.pid)
             end(process, number)
     assert mapped
-    others = set().union(*(shared_memory(p.name) for p in Path('/proc').glob('[0-9]*')))
-    assert [file for file in mapped - others if Path(file).exists()] == []
+    assert left_behind(mapped) == []
 
 
 @pytest.mark.parametrize('number', SIGNALS)
@@ -96,7 +101,7 @@ def test_planner_that_is_stopped_in_mid_solve_leaves_nothing(
         mapped = shared_memory(process.process.pid)
         end(process, number)
     assert mapped
-    assert [file for file in mapped if Path(file).exists()] == []
+    assert left_behind(mapped) == []
 
 
 def test_node_waits_to_be_configured(ros: None, session: Session) -> None:
@@ -132,9 +137,10 @@ def test_replay_ends_while_playing(ros: None, session: Session, number: int) -> 
     [
         ('replay', {}, 'which flight log'),
         ('replay', {'log': '/nope.mcap'}, 'no file /nope.mcap'),
-        ('replay', {'log': str(DISCUS), 'log_root': str(ROOT / 'config')}, 'outside log_root'),
+        ('replay', {'log': str(DISCUS), 'log_root': str(ROOT / 'config')}, 'is outside'),
         ('replay', {'log': str(ROOT / 'setup.py')}, 'setup.py'),
-        ('replay', {'log': str(DISCUS), 'rate': -1}, 'rate'),
+        ('replay', {'log': str(DISCUS), 'rate': 0}, 'rate'),
+        ('replay', {'log': str(DISCUS), 'start_at': 'noon'}, 'noon'),
         ('sim', {'vehicle': 'nope'}, "no vehicle 'nope'"),
         ('sim', {'origin_lat': 91.0}, 'origin_lat'),
         ('sim', {'wind_ned': [1.0]}, '3 finite numbers'),

@@ -177,6 +177,7 @@ def test_mixed_goals_of_several_clients_end_with_the_right_codes(planner: NodePr
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 def test_200_goals_leave_no_trace(planner: NodeProcess) -> None:
     check_codes(load(80, 8, seed=2))  # programmes are built and kept once
     pids = [planner.process.pid, *workers(planner)]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flightdyn.errors import InputError, ResultCode
-from flightdyn.planning.guess import guess_columns, guess_durations
+from flightdyn.planning.guess import Guess
 from flightdyn.planning.objective import TIME, maximize
 from flightdyn.planning.planner import Planner
 from flightdyn.planning.problem_file import load_problem
@@ -45,7 +45,7 @@ def test_duration_may_be_fixed() -> None:
     assert report.code == ResultCode.SUCCESS, report.message
     assert report.final_time == report.objective == 1.5
     other = problem.with_changes(duration=(2.0, 2.0))
-    assert guess_durations(other) == 2
+    assert Guess(other).durations == 2
 
 
 def test_objectives_of_files_and_of_python_are_the_same() -> None:
@@ -57,8 +57,30 @@ def test_objectives_of_files_and_of_python_are_the_same() -> None:
 
 def test_an_end_that_is_free_is_guessed_like_the_other() -> None:
     problem = load_problem(FLIP, ['initial={x_e: 3, u_b: [1, 2]}', 'final={z_e: 4}', 'guess={}'])
-    columns = guess_columns(problem, ('x_e', 'u_b', 'z_e', 'theta'), 0, np.array([0.0, 1.0]))
+    columns = Guess(problem).columns(('x_e', 'u_b', 'z_e', 'theta'), 0, np.array([0.0, 1.0]))
     np.testing.assert_array_equal(columns, [[3, 3], [1.5, 1.5], [4, 4], [0, 0]])
+
+
+def test_states_that_no_storyboard_names_follow_from_those_it_does() -> None:
+    """The flip's solver once started from a turn without a rate: it took twice as long."""
+    flip = load_problem(FLIP)  # names x_e, 0 to 1 m, and theta, one turn, in 1 s
+    at = np.linspace(0, 1, 11)
+    theta, u, w, q, z_e = Guess(flip).columns(('theta', 'u_b', 'w_b', 'q', 'z_e'), 0, at)
+    np.testing.assert_allclose(theta, -2 * np.pi * at)
+    np.testing.assert_allclose(q, -2 * np.pi)
+    # along x_e, in body axes
+    np.testing.assert_allclose(np.cos(theta) * u + np.sin(theta) * w, 1.0, atol=1e-9)
+    np.testing.assert_array_equal(z_e, 0.0)
+    named = load_problem(FLIP, ['guess.q=[-3, -1]'])
+    np.testing.assert_allclose(Guess(named).columns(('q',), 0, at)[0], -3 + 2 * at)
+
+
+def test_what_follows_stays_within_limits() -> None:
+    glide = load_problem('cessna152_glide', ['guess={x_e: [0, 3000], altitude: [1000, 0]}'])
+    speed, gamma = Guess(glide).columns(('speed', 'gamma'), 0, np.array([0.5]))[:, 0]
+    # 5.3 m/s in 600 s would be too slow to fly: as slow as its aerodynamics are known
+    assert speed == glide.limits('speed')[0]
+    assert gamma == pytest.approx(-np.arcsin(1000 / 600 / speed), abs=0.05)
 
 
 def test_alpha_is_in_degrees_as_everywhere() -> None:

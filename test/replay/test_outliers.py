@@ -272,3 +272,25 @@ def test_a_handful_of_wild_samples_is_left_as_it_is(n: int) -> None:
     flown, rejected = replayed(np.arange(float(n)), 1e4 * rng.normal(size=(n, 3)))
     assert len(flown) + rejected.samples == n
     assert len(flown) >= 2
+
+
+@pytest.mark.parametrize('noise', [3.0, 1000.0])
+def test_judging_takes_time_in_proportion_to_the_samples(
+    noise: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A noisy walk began anew all the time, and each time all that was left was filtered."""
+    filtered = []
+
+    def counted(time: Array, *rest: object) -> gate.Innovations:
+        filtered.append(time.size)
+        return gate.innovations(time, *rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(outliers, 'innovations', counted)
+    t = np.arange(8000) / 200
+    rng = np.random.default_rng(5)
+    p = np.cumsum(rng.normal(0, 1.1, (t.size, 3)), axis=0) + rng.normal(0, noise, (t.size, 3))
+    flown, rejected = replayed(t, p, position_std=np.full((t.size, 3), 1.5))
+    assert outliers.POSITION in rejected.refused
+    assert len(flown) == t.size
+    # In each round once over all samples, and a few times as far as each beginning found.
+    assert sum(filtered) < 10 * t.size

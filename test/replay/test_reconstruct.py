@@ -12,6 +12,7 @@ from flightdyn.errors import InputError
 from flightdyn.logs.track import Track
 from flightdyn.replay.flight_path import G0
 from flightdyn.replay.reconstruct import VELOCITY_WANDER, reconstruct
+from flightdyn.replay.report import Replay
 from flightdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -409,9 +410,28 @@ def test_measured_attitude_is_passed_on_but_bank_comes_from_motion() -> None:
     for name, value in (('phi', 0.3), ('theta', -0.2), ('psi', 1.1)):
         np.testing.assert_allclose(flown[name], value, atol=1e-12)
     np.testing.assert_allclose(flown['bank'], 0.0, atol=1e-3)
-    blank = np.tile(q, (50, 1))
-    blank[7] = np.nan
-    assert 'phi' not in reconstruct(local_track(t, p, attitude=blank))
+
+
+def test_an_attitude_that_some_samples_lack_is_used() -> None:
+    """One blank used to drop all."""
+    t = np.arange(50.0)
+    p = np.stack((20 * t, 0 * t, 0 * t), axis=1)
+    roll = 0.02 * t
+    q = np.stack(frames.quaternion_from_euler(roll, 0 * t, 0 * t), axis=1)
+    q[[0, 7, 20, 49]] = np.nan
+    q[30] = 0.0
+    q[31] *= -1  # the same attitude
+    track = local_track(t, p, attitude=q)
+    flown = reconstruct(track)
+    # Samples are 1 s apart, and it rolls by 0.02 rad from one to the next.
+    np.testing.assert_allclose(flown['phi'], roll, atol=0.0201)
+    blank = [0, 7, 20, 30, 49]
+    measured = np.delete(roll, blank)
+    np.testing.assert_allclose(np.delete(flown['phi'], blank), measured, atol=1e-12)
+    told = Replay(track, flown).summary()['warnings']
+    assert '5 samples had no attitude: taken from those near by' in told
+    q[::2] = np.nan
+    assert 'phi' not in reconstruct(local_track(t, p, attitude=q))
 
 
 @settings(derandomize=True, deadline=None, max_examples=25)

@@ -65,3 +65,8 @@ def soaring(n: int = 600, gap: bool = True) -> Trajectory:
         origin=origin,
         segment=segment,
     )  # fmt: skip
+
+
+def by_label(figure):
+    """Return the axes of a figure by what is written at their upright sides, in one line."""
+    return {' '.join(ax.get_ylabel().split()): ax for ax in figure.axes}

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 rr = pytest.importorskip('rerun')
-chunks = pytest.importorskip('rerun.chunk')
-pa = pytest.importorskip('pyarrow')
+pytest.importorskip('pyarrow')
 
 from flights import flip, soaring  # noqa: E402
+from recordings import read, rows  # noqa: E402
 
 from flightdyn.errors import InputError  # noqa: E402
 from flightdyn.trajectory import Trajectory  # noqa: E402
@@ -23,27 +23,6 @@ def strict():
     rr.set_strict_mode(True)
     yield
     rr.set_strict_mode(False)
-
-
-def read(path):
-    """Return the columns of a recording: entity -> column name -> list of rows."""
-    entities = {}
-    for chunk in chunks.RrdReader(path).stream():
-        batch = chunk.to_record_batch()
-        entity = batch.schema.metadata[b'rerun:entity_path'].decode()
-        columns = entities.setdefault(entity, {})
-        for name in batch.schema.names:
-            column = batch.column(name)
-            if pa.types.is_temporal(column.type):  # as int64 nanoseconds
-                column = column.cast(pa.int64())
-            columns.setdefault(name, []).extend(column.to_pylist())
-    return entities
-
-
-def rows(entity, suffix):
-    """Return a column by the end of its name, without its empty rows."""
-    (name,) = [name for name in entity if name.endswith(suffix)]
-    return [row for row in entity[name] if row]
 
 
 def floats_of(value):

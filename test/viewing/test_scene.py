@@ -1,13 +1,17 @@
 """Meshes, path colours, curtain, ground and cameras."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from flights import flip, soaring
 
-from flightdyn.viewing import meshes, scenery
+from flightdyn.environment.geodesy import GeodeticPoint
+from flightdyn.trajectory import Trajectory
+from flightdyn.viewing import meshes, scenery, solids
 from flightdyn.viewing.blueprint import _value_range
+from flightdyn.viewing.coloring import coloring_of
 from flightdyn.viewing.kinematics import motion_of
 from flightdyn.viewing.quantities import Group, Series
 
@@ -32,21 +36,23 @@ def test_sizes_and_sides():
     assert meshes.glider().size == pytest.approx(15.0)
     assert meshes.aeroplane().size == pytest.approx(11.0)
     quad = meshes.mesh_for('quadcopter')
-    rotors = quad.vertices[(quad.colors == meshes.ORANGE).all(axis=1)]
+    rotors = quad.vertices[(quad.colors == solids.ORANGE).all(axis=1)]
     middle = (rotors.min(axis=0) + rotors.max(axis=0)) / 2
     np.testing.assert_allclose(middle[:2], (0.05, 0), atol=1e-6)  # forward rotors
     assert rotors[:, 2].max() < 0  # above the body
     for shape in (meshes.glider(), meshes.aeroplane()):
-        right = shape.vertices[(shape.colors == meshes.GREEN).all(axis=1)]
+        right = shape.vertices[(shape.colors == solids.GREEN).all(axis=1)]
         assert right[:, 1].min() > 0
         assert shape.vertices[:, 2].min() < -0.5  # the fin is up
-    assert meshes.mesh_for('', scene_size=20.0).size == pytest.approx(1.0)
+    small = replace(motion_of(soaring()), position=motion_of(soaring()).position / 500)
+    assert meshes.mesh_for('', motion=small).size == pytest.approx(0.05 * small.size)
     assert meshes.mesh_for('cessna152').size == pytest.approx(10.2)
 
 
 def test_strips_share_ends_within_a_segment_and_break_at_gaps():
-    motion = motion_of(soaring())
-    strips = scenery.colored_strips(motion)
+    flight = soaring()
+    motion = motion_of(flight)
+    strips = scenery.colored_strips(motion, coloring_of(flight, motion))
     ends = {part.stop - 1 for part in motion.segments}
     for a, b in pairwise(strips):
         assert (a.index[-1] in ends and b.index[0] == a.index[-1] + 1) or (
@@ -68,7 +74,7 @@ def test_curtain_falls_to_the_lowest_point_of_a_real_flight():
     motion = motion_of(flight)
     ground = scenery.ground_altitude(flight, motion)
     assert ground == flight['altitude'].min()
-    vertices, triangles, colors = scenery.curtain(motion, ground)
+    vertices, triangles, colors = scenery.curtain(motion, coloring_of(flight, motion), ground)
     drop = vertices[1::2, 2] - vertices[::2, 2]
     np.testing.assert_allclose(drop, flight['altitude'] - ground)
     assert len(vertices) == len(colors) == 2 * len(flight)
@@ -109,8 +115,27 @@ def test_grid_lies_on_round_numbers_under_the_flight():
     assert grid.spacing in (200.0, 500.0, 1000.0)
     np.testing.assert_allclose(np.mod(grid.lines[:, :, :2] / grid.spacing + 0.5, 1), 0.5)
     low, high = motion.bounds
-    assert (grid.corners[:, :2].min(axis=0) <= low[:2]).all()
-    assert (grid.corners[:, :2].max(axis=0) >= high[:2]).all()
+    assert (grid.vertices[:, :2].min(axis=0) <= low[:2]).all()
+    assert (grid.vertices[:, :2].max(axis=0) >= high[:2]).all()
+    assert np.ptp(grid.lines[..., 2]) == 0
+
+
+def test_a_flight_of_hundreds_of_kilometres_stays_above_the_ground():
+    # the ground was a plane: 400 km away a flight at 8 km is 4 km below it
+    x = np.linspace(0, 400e3, 50)
+    z = -8000 + x**2 / (2 * 6_371e3)
+    flight = Trajectory(
+        time=np.arange(50.0),
+        states={'x_e': x, 'z_e': z},
+        outputs={'altitude': np.full(50, 8300.0)},
+        origin=GeodeticPoint(50.0, 8.0, 300.0),
+    )
+    motion = motion_of(flight)
+    level = scenery.ground_level(motion, 300.0, round_earth=True)
+    assert level == pytest.approx(0.0, abs=1e-6)
+    grid = scenery.ground_grid(motion, level, round_earth=True)
+    under = np.interp(x, grid.lines[-1, :, 0], grid.lines[-1, :, 2])
+    assert (z < under).all()
 
 
 def test_rounding_of_a_constant_is_not_blown_up():
