@@ -1,4 +1,4 @@
-"""The `flightdyn` command: plan, sim, replay, batch, info, convert, models, vehicles.
+"""The `flightdyn` command: plan, sim, replay, view, batch, info, convert, and lists of all.
 
 Only results go to stdout; progress and errors go to stderr.
 """
@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from . import cli_batch, cli_logs, export
+from . import cli_batch, cli_logs, cli_view, export
 from .console import interruptible, iterations, print_rows
 from .environment.turbulence import SEVERITIES
 from .errors import EXIT_CODES, FlightdynError, InputError, ResultCode
@@ -17,6 +17,8 @@ from .errors import EXIT_CODES, FlightdynError, InputError, ResultCode
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from .planning.alternatives import Alternative
+    from .planning.problem import Problem
     from .simulation.simulator import Simulator
     from .trajectory import Trajectory
     from .vehicles.vehicle import Vehicle
@@ -83,6 +85,13 @@ def _parser() -> argparse.ArgumentParser:
         help='start from N guesses and list the local optima found',
     )
     plan.add_argument('--seed', type=int, default=0, help='of the guesses besides the first')
+    plan.add_argument(
+        '--live',
+        nargs='?',
+        const=cli_view.VIEWER,
+        metavar='URL',
+        help='show the iterations in a running viewer, by default at %(const)s',
+    )
     _add_output(plan, export.FLIGHT_FORMATS)
 
     sim = command('sim', _sim, 'Simulate a scenario, or fly a plan.')
@@ -137,8 +146,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     convert.add_argument('--source', metavar='TOPIC', help='convert this topic, not the best one')
 
+    view = command('view', cli_view.view, 'Show flights, or draw pictures of them.', config=False)
+    cli_view.add_arguments(view)
+
     cli_batch.add_commands(commands, command)
     command('models', _models, 'List the Dynamics family.', config=False)
+    command('problems', _problems, 'List the configured problems.')
     vehicles = command('vehicles', _vehicles, 'List the configured vehicles.')
     vehicles.add_argument('vehicle', nargs='*', help='tell all about these only')
     return parser
@@ -166,13 +179,18 @@ def _plan(arguments: argparse.Namespace) -> int:
     if arguments.multistart is not None:
         settings.append(f'multistart={arguments.multistart}')
     problem = load_problem(arguments.problem, settings, arguments.config_dir)
-    with interruptible() as interrupted, iterations() as on_iteration:
+    with (
+        interruptible() as interrupted,
+        iterations() as console,
+        cli_view.live_iterations(arguments.live, problem.name, console) as (on_iteration, on_plan),
+    ):
         plan = Planner().plan(
             problem, seed=arguments.seed, on_iteration=on_iteration, should_stop=interrupted
         )
+        on_plan(plan.trajectory)
     document = plan_document(plan)
     for path in outputs:
-        export.write_flight(path, plan.trajectory, document, limits=problem.bounded())
+        export.write_flight(path, plan.trajectory, document, limits=_limits(problem))
     report = plan.report
     if arguments.json:
         print(json.dumps(document))
@@ -192,6 +210,7 @@ def _plan(arguments: argparse.Namespace) -> int:
                     for i, each in enumerate([plan, *plan.others], start=1)
                     if plan.others
                 ),
+                *((f'alternative {each.name}', _alternative(each)) for each in plan.alternatives),
                 *((f'arc {i}', _arc(arc)) for i, arc in enumerate(report.arcs, start=1)),
                 *(('remedy', remedy) for remedy in report.remedies),
                 *(('written', str(path)) for path in outputs),
@@ -202,6 +221,20 @@ def _plan(arguments: argparse.Namespace) -> int:
     if report.code != ResultCode.SUCCESS:
         print(f'flightdyn: {report.message}', file=sys.stderr)
     return EXIT_CODES[report.code]
+
+
+def _limits(problem: 'Problem') -> dict[str, tuple[float, float]]:
+    """Return the bounds that hold all the way."""
+    every = [problem.bounded(leg) for leg in range(len(problem.legs))]
+    return {
+        name: bounds
+        for name, bounds in every[0].items()
+        if all(others.get(name) == bounds for others in every)
+    }
+
+
+def _alternative(each: 'Alternative') -> str:
+    return f'{each.objective:.8g}' if each.verified else f'not solved: {each.message}'
 
 
 def _arc(arc: dict[str, Any]) -> str:
@@ -215,9 +248,10 @@ def _sim(arguments: argparse.Namespace) -> int:
     from .simulation.simulator import fly
 
     outputs = export.check_outputs(arguments.output, export.FLIGHT_FORMATS)
-    planned = None
+    planned, around = None, {}
     if arguments.scenario.endswith('.json'):
         planned, document = read_plan(arguments.scenario)
+        around = {'surroundings': document['surroundings']} if document['surroundings'] else {}
         simulator = _on_plan(arguments, planned, document)
         duration, rate = planned.duration, RATE
     else:
@@ -235,7 +269,7 @@ def _sim(arguments: argparse.Namespace) -> int:
         'final': {name: float(values[-1]) for name, values in flown.states.items()},
         'deviation_from_plan': errors,
     }
-    document = export.flight_document(flown, **summary)
+    document = export.flight_document(flown, **summary, **around)
     for path in outputs:
         export.write_flight(path, flown, document, planned=planned)
     if arguments.json:
@@ -302,6 +336,21 @@ def _models(arguments: argparse.Namespace) -> int:
             ]
         )
     return 0
+
+
+def _problems(arguments: argparse.Namespace) -> int:
+    from .planning.problem_file import list_problems
+
+    problems, wrong = list_problems(arguments.config_dir)
+    rows = [(p.name, p.vehicle.name, p.description) for p in problems]
+    if arguments.json:
+        keys = ('problem', 'vehicle', 'description')
+        print(json.dumps([dict(zip(keys, row, strict=True)) for row in rows]))
+    else:
+        print_rows([('problem', 'vehicle', 'description'), *rows])
+    for error in wrong:
+        print(f'flightdyn: {error}', file=sys.stderr)
+    return max((error.exit_code for error in wrong), default=0)
 
 
 def _vehicles(arguments: argparse.Namespace) -> int:

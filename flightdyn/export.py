@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .environment.surroundings import Surroundings
 from .errors import InputError
 from .files import check_writable, written_whole
 from .trajectory import Trajectory
@@ -45,11 +44,11 @@ def write_flight(
     *,
     planned: Trajectory | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
-    surroundings: Surroundings | None = None,
 ) -> None:
     """Write a plan or a simulated flight; `document` is what a .json file holds.
 
     Figures of a simulated flight show it beside what was `planned`, those of a plan show `limits`.
+    Pictures and recordings show the `surroundings` that the document has.
     """
     if path.suffix == '.mcap':
         from .logs.recording import write_flight_mcap
@@ -61,7 +60,7 @@ def write_flight(
         about = {'vehicle': flight.vehicle, 'model': flight.model}
         write_table({'time': flight.time, **flight.columns}, path, about)
     else:
-        _write_view(path, flight, document, planned, limits, surroundings=surroundings)
+        _write_view(path, flight, document, planned, limits)
 
 
 def write_replay(
@@ -91,30 +90,33 @@ def _write_view(
     planned: Trajectory | None,
     limits: Mapping[str, tuple[float, float]] | None = None,
     track: 'Track | None' = None,
-    surroundings: Surroundings | None = None,
 ) -> None:
     if path.suffix == '.json':
         with written_whole(path) as temporary:
             temporary.write_text(json.dumps(document, indent=1) + '\n', encoding='utf-8')
     elif path.suffix == '.rrd':
         from .viewing.rerun_view import save_rrd
-        from .viewing.run_notes import run_events, run_lanes, run_properties
+        from .viewing.run_notes import run_events, run_lanes, run_properties, run_surroundings
 
         save_rrd(
             path,
             flight,
             planned=planned,
             name=path.stem,
-            surroundings=surroundings,
+            surroundings=run_surroundings(document),
             events=run_events(document, float(flight.time[0])),
             lanes=run_lanes(document),
             properties=run_properties(document),
         )
     else:
         from .viewing.figures import About, figure_for, save_figure
+        from .viewing.run_notes import run_surroundings
 
         about = About(document=document, limits=limits or {})
-        save_figure(figure_for(flight, about=about, planned=planned, track=track), path)
+        figure = figure_for(
+            flight, run_surroundings(document), about=about, planned=planned, track=track
+        )
+        save_figure(figure, path)
 
 
 def flight_document(flight: Trajectory, **more: Any) -> dict[str, Any]:

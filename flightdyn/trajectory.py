@@ -3,7 +3,8 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Literal
+from os import PathLike
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -114,6 +115,30 @@ class Trajectory:
     def unix_ns(self) -> NDArray[np.int64]:
         """Unix time of each sample [ns]."""
         return self.start_ns + np.round(self.time * 1e9).astype(np.int64)
+
+    def to_rerun(self, path: 'str | PathLike[str] | None' = None, **options: Any) -> None:
+        """Save the trajectory as a Rerun recording, or open it in a window.
+
+        Parameters
+        ----------
+        path : path
+            The .rrd file to write; a window is opened, and waited for, if there is none.
+        options : see `viewing.rerun_view.save_rrd`
+            Such as `planned`, `color` and `surroundings`.
+
+        Raises
+        ------
+        MissingExtraError
+            If rerun-sdk is not installed.
+        Others as `save_rrd` and `viewing.window.open_window`.
+        """
+        from .viewing.drawing import Drawing
+
+        drawing = Drawing(self, options)
+        if path is None:
+            drawing.show()
+        else:
+            drawing.save(path)
 
     def segments(self) -> Iterator[slice]:
         """Yield the unbroken stretches as slices."""

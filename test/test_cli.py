@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from flightdyn.cli import main
+from flightdyn.resources import list_configs
 
 GLIDER = Path(__file__).parent / 'data' / 'discus2_thermal.mcap'
 PLAN_KEYS = (
@@ -76,15 +77,16 @@ def test_gusts_on_a_plan_are_those_of_the_seed(
 
 
 def test_plan_from_several_starts_lists_the_optima(capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ['--set', 'nodes=20', '--set', 'final.theta=[-7, 7]', '--multistart', '4']
-    assert main(['plan', 'quadcopter_flip', *arguments, '--seed', '3', '--json']) == 0
+    arguments = ['--set', 'final={x_e: -0.16, z_e: -0.72, u_b: 0, w_b: 0, theta: -360 deg, q: 0}']
+    arguments += ['--multistart', '4', '--seed', '0']
+    assert main(['plan', 'quadcopter_flip', *arguments, '--json']) == 0
     document = json.loads(capsys.readouterr().out)
     optima = document['optima']
     assert optima[0]['objective'] == document['objective']
     assert [each['objective'] for each in optima] == sorted(each['objective'] for each in optima)
     assert len(document['arcs']) > 1
     assert main(['plan', 'quadcopter_flip', *arguments]) == 0
-    assert 'optimum 1' in capsys.readouterr().out
+    assert 'optimum 2' in capsys.readouterr().out
     assert main(['plan', 'quadcopter_flip', '--multistart', '0']) == 2
 
 
@@ -174,6 +176,23 @@ def test_models_lists_the_family(capsys: pytest.CaptureFixture[str]) -> None:
     rows = {row['class']: row for row in json.loads(capsys.readouterr().out)}
     assert rows['DynamicsRigidBody2DBody']['controls'] == ['Fx_b', 'Fz_b', 'My_b']
     assert main(['models']) == 0
+
+
+def test_problems_are_listed_and_bad_ones_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(['problems', '--json']) == 0
+    rows = {row['problem']: row for row in json.loads(capsys.readouterr().out)}
+    assert set(rows) == set(list_configs('problems'))
+    assert rows['quadcopter_flip']['vehicle'] == 'quadcopter'
+    assert all(row['description'] for row in rows.values())
+    (tmp_path / 'problems').mkdir()
+    (tmp_path / 'problems' / 'bad.yaml').write_text('vehicle: quadcopter\n')
+    assert main(['problems', '--config-dir', str(tmp_path)]) == 2
+    told = capsys.readouterr()
+    assert "'duration' is missing" in told.err
+    assert 'rocket_climb' in told.out
+    assert 'bad' not in told.out
 
 
 def test_vehicles_are_listed_with_the_errors_of_their_fits(

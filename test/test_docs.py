@@ -1,6 +1,7 @@
-"""What docs/planning.md shows works, and it leaves out no key."""
+"""What docs/ shows works, and leaves out no key, problem or sweep."""
 
 import re
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,12 @@ import yaml
 
 from flightdyn.environment import surroundings_file, wind_file
 from flightdyn.environment.surroundings_file import read_surroundings
-from flightdyn.planning import problem_file
+from flightdyn.planning import problem_file, sweep_file
 from flightdyn.planning.objective import parse_objective
 from flightdyn.planning.planner import Planner
-from flightdyn.vehicles import aero_direct, aero_polar, aero_table, buoyancy, vehicle
+from flightdyn.planning.sweep import COLUMNS, SAMPLINGS, STARTS
+from flightdyn.resources import list_configs
+from flightdyn.vehicles import aero_direct, aero_polar, aero_table, body_drag, buoyancy, vehicle
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / 'docs' / 'planning.md').read_text(encoding='utf-8')
@@ -67,13 +70,59 @@ def test_the_surroundings_are_read(tmp_path: Path) -> None:
         *(problem_file.KEYS, vehicle.KEYS, aero_polar.KEYS, aero_table.KEYS, aero_direct.KEYS),
         *(surroundings_file.TERRAIN_KEYS, surroundings_file.KEEP_OUT_KEYS),
         *(surroundings_file.GATE_KEYS, surroundings_file.MARK_KEYS),
-        *(buoyancy.KEYS, *(known for known, _ in vehicle.PROPULSION.values())),
+        *(buoyancy.KEYS, body_drag.KEYS, *(known for known, _ in vehicle.PROPULSION.values())),
         *wind_file.KEYS.values(),
     ],
 )
 def test_every_key_is_told(keys: tuple[str, ...]) -> None:
     told = set(re.findall(r'\w+', ' '.join(re.findall(r'`[^`\n]+`', TEXT))))
     assert set(keys) <= told
+
+
+def test_the_sweep_is_one_and_every_key_of_a_sweep_is_told(tmp_path: Path) -> None:
+    text = (ROOT / 'docs' / 'sweeps.md').read_text(encoding='utf-8')
+    (block,) = re.findall(r'^```yaml\n(.*?)^```', text, re.MULTILINE | re.DOTALL)
+    (tmp_path / 'glide.yaml').write_text(block)
+    sweep = sweep_file.load_sweep(str(tmp_path / 'glide.yaml'))
+    cases = list(sweep.cases())
+    assert len(cases) == 9
+    assert sweep.load(cases[-1]).wind_ned == (5.0, 0.0, 0.0)
+    told = set(re.findall(r'\w+', ' '.join(re.findall(r'`[^`\n]+`', text))))
+    keys = {*sweep_file.KEYS, *sweep_file.RANGE_KEYS, *sweep_file.PICTURE_KEYS}
+    assert keys | {*sweep_file.FOOTPRINT_KEYS, *COLUMNS, *SAMPLINGS, *STARTS} <= told
+
+
+PROBLEMS = (ROOT / 'docs' / 'problems.md').read_text(encoding='utf-8')
+
+
+@pytest.mark.parametrize('kind', ['problems', 'sweeps'])
+def test_each_shipped_problem_and_sweep_has_its_line(kind: str) -> None:
+    rows = [line for line in PROBLEMS.splitlines() if line.startswith('| [`')]
+    names = [row.split('`')[1] for row in rows if f'../config/{kind}/' in row]
+    assert sorted(names) == sorted(list_configs(kind))
+    for row in rows:
+        name = row.split('`')[1]
+        assert f'](../config/{kind}/{name}.yaml)' in row or f'../config/{kind}/' not in row
+        if '../config/problems/' in row:
+            assert f'`flightdyn plan {name} ' in row
+    for picture in re.findall(r'\]\((pictures/[^)]+)\)', PROBLEMS):
+        assert (ROOT / 'docs' / picture).is_file(), picture
+
+
+def test_commands_of_the_page_are_of_problems() -> None:
+    for command in re.findall(r'`flightdyn plan (\S+ --set [^`]+) -o', PROBLEMS):
+        name, _, *settings = shlex.split(command)
+        problem_file.load_problem(name, [each for each in settings if each != '--set'])
+
+
+def test_a_problem_of_your_own_is_short_and_planned(tmp_path: Path) -> None:
+    (block,) = re.findall(r'^```yaml\n(.*?)^```', PROBLEMS, re.MULTILINE | re.DOTALL)
+    assert len(block.splitlines()) < 40
+    (tmp_path / 'hop.yaml').write_text(block)
+    hop = problem_file.load_problem(str(tmp_path / 'hop.yaml'), ['max_wall_time=600'])
+    plan = Planner().plan(hop)
+    assert plan.report.verified, plan.report.message
+    assert plan.trajectory.sample('z_e', plan.trajectory.time).min() < -4 + 1e-3
 
 
 def test_every_example_is_listed() -> None:

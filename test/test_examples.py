@@ -48,6 +48,39 @@ GOLDEN: dict[str, dict[str, Any]] = {
         'turned in the backflip': approx(360, abs=1e-3),
         'highest altitude of the flip': approx(0.34, abs=0.01),  # peer: 0.3402 m
     },
+    'drone_gates': {
+        # the planner's own: best of 20 starts 3.24244 s, and another optimum at 3.24963 s
+        'duration': approx(3.24244, rel=0.02),
+        'duration of the best start': approx(3.24244, rel=5e-3),
+        # closed form: all rotors full, 4 x 8.5 N on 0.752 kg
+        'most load factor': approx(34 / (0.752 * 9.81), abs=0.1),
+    },
+    'quadcopter_flip_3d': {
+        # the planner's own, the same from 10 other guesses
+        'duration with the flip': approx(0.4805, abs=0.002),
+        'duration without': approx(0.495, abs=0.005),
+        'turned in all': approx(360, abs=2),  # closed form, if about one axis
+        'length of the quaternion off 1': approx(0, abs=1e-3),
+    },
+    'terrain_racing': {
+        # the planner's own: from other guesses 61.73 to 61.76 s
+        'duration': approx(61.74, abs=0.1),
+        'duration over the tops': approx(56.18, abs=0.1),
+        'least height above the terrain': approx(30, abs=0.2),  # what is asked for
+    },
+    'engine_out_any_field': {
+        # the planner's own; two finer meshes, one of another method, are within 0.03 m
+        'height left at the strip, wind 0 m/s': approx(250.10, abs=0.1),
+        'height left at the meadow, wind 0 m/s': approx(227.99, abs=0.1),
+        'height left at the airfield, wind 0 m/s': approx(210.97, abs=0.1),
+        'height left at the airfield, wind 10 m/s': approx(110.11, abs=0.1),
+    },
+    'noise_departure': {
+        # the planner's own, from other guesses within 0.01 dB
+        'exposure of all, quiet': approx(89.14, abs=0.05),
+        'exposure of all, fast': approx(104.49, abs=0.1),
+        'duration, quiet': approx(300, abs=0.1),  # all that is allowed
+    },
     'cessna152_polar': {  # AeroBuildup of the peer; the table's fit is within 7e-4
         'best glide ratio of cessna152': approx(18.6715, rel=1e-3),
         'at alpha, cessna152': approx(3.06, abs=0.05),  # flat there: 0.05 deg is 2e-4 of the ratio
@@ -125,6 +158,15 @@ GOLDEN: dict[str, dict[str, Any]] = {
         'charge a metre on the way': approx(12.604, rel=0.008),
         # the planner's own, several transcriptions and meshes
         'charge used': approx(80.36, abs=0.05),
+    },
+    'wingsuit_race': {
+        # peer on the same ground: 42.043 s with 150 points, 41.9994 s with 600; 42.019 s and
+        # 41.994 s on its own, which is rougher
+        'time': approx(41.996, abs=0.005),
+        'time without the mountain': approx(38.42, abs=0.02),
+        'first touch of the ground at': approx(157, abs=5),  # where the mountain bulges: 155 m
+        'last touch of the ground at': approx(484, abs=6),  # and 480 m, to its 20 m
+        'farthest below the ground': approx(0, abs=1e-4),
     },
     'helium_balloon': {
         # peer at tight tolerance: 95.993 km, 14.03 m, in its own atmosphere

@@ -7,6 +7,7 @@ import pytest
 
 from flightdyn.planning.planner import Planner
 from flightdyn.planning.problem_file import load_problem
+from flightdyn.planning.remedies import perturbed
 from flightdyn.resources import list_configs
 from flightdyn.simulation.scenario import load_scenario
 
@@ -56,3 +57,29 @@ def test_turning_back_in_wind_begins_at_the_airspeed_of_a_climb() -> None:
     # runway and wind turned together: the same flight, to what different meshes make of it
     objectives = [plan.report.objective for plan in plans.values()]
     assert objectives[0] == pytest.approx(objectives[1], abs=0.05)
+
+
+SPACE = {
+    'drone_gates': 0.02,
+    'quadcopter_flip_3d': 0.01,
+    'terrain_racing': 0.01,
+    'engine_out_any_field': 0.05,
+    'noise_departure': 0.01,
+}
+"""How much worse than the best, relatively, a plan may be: other optima are near."""
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize('name', SPACE)
+def test_a_problem_of_space_is_solved_from_most_other_guesses(name: str) -> None:
+    shipped, planner = load_problem(name), Planner()
+    for _, problem in shipped.alternatives or [('', shipped)]:
+        own = planner.plan(problem)
+        assert own.report.verified, own.report.message
+        guessed = [perturbed(problem, seed) for seed in range(1, 11)]
+        plans = [plan for plan in map(planner.plan, guessed) if plan.report.verified]
+        assert len(plans) >= 8
+        sign = problem.objective.sign
+        best = min(sign * plan.report.objective for plan in [own, *plans])
+        assert sign * own.report.objective - best <= SPACE[name] * abs(best)

@@ -97,6 +97,21 @@ def pictures() -> list[Picture]:
             )
             for name, caption in LOGS.items()
         ),
+        Picture(
+            'discus2_recording', 'Recordings', 'The glider in its thermal, as a recording opens',
+            (
+                'flightdyn view test/data/discus2_thermal.mcap --time 250 '
+                '--shot discus2_recording.png',
+            ),
+        ),
+        Picture(
+            'turnback_recording', 'Recordings', 'The turn back in space, coloured by speed',
+            (
+                'flightdyn plan cessna152_turnback -o turnback.json',
+                'flightdyn view turnback.json --view Overview --time 8 '
+                '--shot turnback_recording.png',
+            ),
+        ),
     ]  # fmt: skip
     return found
 

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from .. import numpy as np
 from ..config import suggestion
@@ -14,6 +14,9 @@ from ..numpy import Vectorizable
 from .mass_properties import MassProperties
 from .named_values import NamedValues, Names
 from .operating_point import OperatingPoint
+
+if TYPE_CHECKING:
+    from ..viewing.drawing import Drawing
 
 ZERO: Vector = (0.0, 0.0, 0.0)
 G = 9.81  # m/s^2, rounded standard gravity, the default of the textbook problems
@@ -362,6 +365,61 @@ class Dynamics(NamedValues, ABC):
         u, v, w = self.velocity_earth
         mass = self.mass_props.mass
         return mass * u, mass * v, mass * w
+
+    def draw(
+        self,
+        vehicle_model: Any = None,
+        *,
+        time: Any = None,
+        show: bool = True,
+        n_vehicles_to_draw: int | None = None,
+        draw_axes: bool = False,
+        draw_global_axes: bool = False,
+        draw_global_grid: bool = True,
+        draw_trajectory_line: bool = True,
+        draw_altitude_drape: bool = True,
+        draw_ground_plane: bool = True,
+    ) -> 'Drawing':
+        """Draw the vehicle along its path in three dimensions.
+
+        Parameters
+        ----------
+        vehicle_model : str, path, mapping or airplane
+            What to draw, see `viewing.drawing.vehicle_of`; a small aeroplane unless given.
+        time : array (n,) [s]
+            Of the states; made of the speeds unless given here or by the instance.
+        show : bool
+            Open a window, and wait until it is closed.
+        n_vehicles_to_draw : int
+            Along the path; as many as fit unless given.
+        draw_axes, draw_global_axes : bool
+            Of the vehicle and of the earth.
+        draw_global_grid, draw_trajectory_line, draw_altitude_drape, draw_ground_plane : bool
+
+        Returns
+        -------
+        Drawing
+            With `save('x.rrd')`, `screenshot('x.png')` and `show()`.
+
+        Raises
+        ------
+        InputError
+            If the instance holds symbols or a single state; MissingExtraError without rerun-sdk.
+        """
+        from ..viewing.drawing import draw
+
+        shown = {
+            'axes': draw_axes,
+            'earth axes': draw_global_axes,
+            'grid': draw_global_grid,
+            'path': draw_trajectory_line,
+            'curtain': draw_altitude_drape,
+            'ground': draw_ground_plane,
+        }
+        hidden = [name for name, wanted in shown.items() if not wanted]
+        return draw(
+            self, vehicle_model, time=time, show=show, hidden=hidden, vehicles=n_vehicles_to_draw
+        )
 
     def __repr__(self) -> str:
         values = {**self.state, **{name: getattr(self, name) for name in self.indirect_controls}}

@@ -67,7 +67,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
     except KeyboardInterrupt:
         return 130
-    _print(checks, folder)
+    print_checks(checks, folder)
     return 0 if all(check.kept for check in checks) else 1
 
 
@@ -201,7 +201,8 @@ def _replay_glider(folder: Path, log: Path) -> list[Check]:
     return checks
 
 
-def _print(checks: list[Check], folder: Path) -> None:
+def print_checks(checks: list[Check], folder: Path) -> None:
+    """Print figures beside what is promised of them, and which files there are."""
     table = Table(title='flightdyn: planned, flown, replayed')
     table.add_column('measured')
     table.add_column('value', justify='right')

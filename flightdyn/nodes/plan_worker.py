@@ -19,6 +19,7 @@ import numpy as np
 from ..dynamics.stage import WIND
 from ..errors import FlightdynError, ResultCode
 from ..planning.planner import Planner
+from ..planning.problem_file import list_problems
 from ..planning.report import Plan, PlanReport
 from ..planning.solver import Iteration
 from ..trajectory import Trajectory
@@ -26,7 +27,6 @@ from .receding import Horizon, ReplanRequest
 from .requests import (
     EvaluateRequest,
     PlanRequest,
-    configured_problems,
     evaluate,
     problem_of_request,
 )
@@ -202,7 +202,9 @@ class PlanWorker:
         return self._stopped
 
     def _list(self, _body: None) -> Outcome:
-        return Outcome(ResultCode.SUCCESS, '', value=configured_problems(self._call.config_dir))
+        problems, wrong = list_problems(self._call.config_dir)
+        rows = [(each.name, each.vehicle.name, each.description) for each in problems]
+        return Outcome(ResultCode.SUCCESS, '', value=(rows, [str(error) for error in wrong]))
 
     def _check(self, request: PlanRequest) -> Outcome:
         problem = problem_of_request(request, self._call.config_dir)

@@ -12,7 +12,7 @@ from ..dynamics.stage import Stage
 from ..errors import InputError
 from ..planning.problem import Bounds, Problem
 from ..planning.problem_file import load_problem
-from ..resources import find_config, list_configs
+from ..resources import find_config
 from ..trajectory import Columns, Trajectory
 from ..vehicles.vehicle import Vehicle, load_vehicle
 
@@ -106,21 +106,6 @@ def _check_guess(group: str, given: Iterable[str], known: tuple[str, ...]) -> No
     for name in given:
         if name not in known:
             raise InputError(f"guess: {group}: unknown '{name}'{suggestion(name, known)}")
-
-
-def configured_problems(
-    config_dir: str,
-) -> tuple[list[tuple[str, str, str]], list[str]]:
-    """Return (name, vehicle, description) of every problem, and what is wrong with the others."""
-    rows, wrong = [], []
-    for name in list_configs('problems', config_dir):
-        try:
-            problem = load_problem(name, (), config_dir)
-        except InputError as error:
-            wrong.append(str(error))
-        else:
-            rows.append((name, problem.vehicle.name, problem.description))
-    return rows, wrong
 
 
 def evaluate(request: EvaluateRequest, config_dir: str) -> Evaluation:

@@ -168,7 +168,7 @@ class SimCore:
         """Fly a plan: from its own start, or joining it from where the vehicle is.
 
         A plan that is joined is at its time 0 at the instant `plan.start_ns` of the clock, or
-        now if that is 0 or the flight has been waiting for a plan.
+        now if that is 0. A flight that has been waiting takes a plan of another clock for now.
 
         Raises
         ------
@@ -280,6 +280,11 @@ class SimCore:
         return bool(self._stopped)
 
     @property
+    def is_waiting(self) -> bool:
+        """Whether a flight stands still until a plan or controls come."""
+        return self._stopped == 'wait'
+
+    @property
     def state(self) -> str:
         """What the simulator is doing, in a few words."""
         if self.run is None:
@@ -334,13 +339,14 @@ class SimCore:
         began = self._clock()
         wall, start = self._anchor
         factor = self._rules.real_time_factor
-        target = math.inf if factor == 0 else start + (began - wall) * factor
+        due = math.inf if factor == 0 else start + (began - wall) * factor
+        lag = MAX_LAG_S * factor + 1 / self._rate
+        target = due if factor == 0 else min(due, self.run.simulator.time + lag)
         while not self._stopped and self._next_time() <= target + _EPS:
             self._advance(self._next_time())
             if self._clock() - began > BUDGET_S:
                 break
-        behind = target - self.run.simulator.time
-        if factor == 0 or behind > MAX_LAG_S * factor + 1 / self._rate:
+        if due - self.run.simulator.time > lag:
             self._rebase()
 
     def _next_time(self) -> float:
@@ -400,13 +406,16 @@ class SimCore:
             raise InputError(f'the plan is for {plan.vehicle}, {run.vehicle.name} is flying')
         _check_model(plan, run.vehicle)
         now = run.simulator.time
-        begin = now
-        if plan.start_ns and self._stopped != 'wait':
-            begin = (plan.start_ns - self._base_ns) / 1e9
-        if begin + plan.duration <= now:
-            raise InputError(f'the plan ended {now - begin - plan.duration:.4g} s ago: not flown')
-        if begin > now + MAX_AHEAD_S:
-            raise InputError(f'the plan begins {begin - now:.4g} s from now: not flown')
+        begin = (plan.start_ns - self._base_ns) / 1e9 if plan.start_ns else now
+        if not begin - MAX_AHEAD_S <= now < begin + plan.duration:
+            if self._stopped != 'wait':
+                ended = begin <= now
+                off = now - begin - plan.duration if ended else begin - now
+                told = f'ended {off:.4g} s ago' if ended else f'begins {off:.4g} s from now'
+                raise InputError(
+                    f'the plan {told}: not flown; if that is another clock, set use_sim_time'
+                )
+            begin = now
         plan = _from_zero(plan)
         if begin > now + _EPS:
             self._pending = plan, begin

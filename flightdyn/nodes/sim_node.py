@@ -42,7 +42,7 @@ from .sim_recording import Recording, recording_path
 from .sim_watch import Event
 
 TICK_S = 0.002
-CLOCK_AT_REST_S = 0.1
+AT_REST_S = 0.1
 FLUSH_S = 0.5
 VIEW_S = 0.03
 PLAN_TOPIC = '/plan'
@@ -59,6 +59,7 @@ class SimNode(BaseNode):
         super().__init__('sim', SimParameters)
         self._core: SimCore | None = None
         self._message: Any = None  # the plan's
+        self._last_state: Any = None
         self._next_fix = 0  # in multiples of 1 / fix_rate
         self._clock_publisher = self.advertise(Clock, '/clock', STATE)
         self._outgoing: dict[str, tuple[Any, str, str]] = {}
@@ -86,7 +87,7 @@ class SimNode(BaseNode):
         self.serve(SetRate, 'set_rate', self._set_rate)
         self.serve(SetWind, 'set_wind', self._set_wind)
         self.every(TICK_S, self._tick)
-        self.every(CLOCK_AT_REST_S, self._publish_clock_at_rest)
+        self.every(AT_REST_S, self._publish_at_rest)
         self.every(FLUSH_S, self._flush)
 
     # The life cycle. -----------------------------------------------------------------------------
@@ -136,7 +137,7 @@ class SimNode(BaseNode):
     def _vehicles_of(self, name: str) -> tuple[Vehicle, Vehicle]:
         values = self.parameters.values
         believed = load_vehicle(name, values.config_dir)
-        settings = values.vehicle_settings.split()
+        settings = [s.strip() for s in values.vehicle_settings.split(';') if s.strip()]
         return believed, load_vehicle(name, values.config_dir, settings) if settings else believed
 
     def _flying(self) -> SimCore:
@@ -219,6 +220,7 @@ class SimNode(BaseNode):
             states=sample.states,
             controls=sample.controls,
         )
+        self._last_state = state
         self._send('state', state, ns)
         self._send('odom', odometry_msg(motion, ns), ns)
         self._send_sensors(sample, motion)
@@ -266,11 +268,13 @@ class SimNode(BaseNode):
         if event.kind == 'plan_ended':
             self._flush_at_rest()
 
-    def _publish_clock_at_rest(self) -> None:
-        """Show the clock while it stands: whoever starts now would else wait for it."""
+    def _publish_at_rest(self) -> None:
+        """Show clock and state while they stand: whoever starts now would else wait for them."""
         core = self._flying()
         if core.run is None or core.is_paused:
             self._clock_publisher.publish(Clock(clock=time_msg(core.clock_ns)))
+        if core.is_waiting and self._last_state is not None:
+            self._outgoing['state'][0].publish(self._last_state)
 
     def _transform_publishers(self) -> tuple[Any, Any, Any] | None:
         """Return tf2's message and two publishers; None where it is not installed."""

@@ -20,8 +20,8 @@ class SimParameters(NodeParameters):
     )
     vehicle_settings: str = parameter(
         '',
-        "entries of the vehicle's file that are otherwise in flight, such as "
-        '`mass=0.105 inertia.Iyy=6e-4`; controllers do not know of it',
+        "entries of the vehicle's file that are otherwise in flight, semicolons between, such as "
+        '`mass=0.105; inertia.Iyy=6e-4`; controllers do not know of it',
         unconfigured_only=True,
     )
     initial: str = parameter(

@@ -15,7 +15,7 @@ from .report import Plan
 KEYS = (
     *('problem', 'vehicle', 'model', 'converged', 'verified', 'status', 'message', 'objective'),
     *('final_time', 'iterations', 'wall_s', 'build_s', 'nodes', 'transcription', 'verification'),
-    *('constraint_violation', 'warnings', 'arcs', 'remedies', 'missed', 'optima'),
+    *('constraint_violation', 'warnings', 'arcs', 'remedies', 'missed', 'optima', 'alternatives'),
     *('control_interpolation', 'wind_ned', 'wind', 'surroundings'),
     *('time', 'states', 'controls', 'outputs'),
 )
@@ -38,6 +38,7 @@ def plan_document(plan: Plan) -> dict[str, Any]:
             {'objective': each.report.objective, 'final_time': each.report.final_time}
             for each in (plan, *plan.others)
         ],
+        'alternatives': [asdict(each) for each in plan.alternatives],
         'time': trajectory.time.tolist(),
     }
     for group in ('states', 'controls', 'outputs'):

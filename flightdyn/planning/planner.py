@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any
 
 from ..errors import ResultCode
+from .alternatives import best_alternative
 from .problem import Problem
 from .programme import Programmes
 from .refinement import first_mesh, strategy_of
@@ -55,6 +56,8 @@ class Planner:
         Limits of the vehicle's outputs that the problem does not name are looked at afterwards,
         and kept in a second solve where the first one left them.
 
+        Of a problem with alternatives each is planned, and the best plan returned.
+
         The same problem and arguments give the same plan, whatever was planned before.
 
         Parameters
@@ -72,6 +75,18 @@ class Planner:
         should_stop : function returning a bool
             Asked after each iteration; True cancels.
         """
+        if problem.alternatives:
+            return best_alternative(
+                problem,
+                lambda each: self.plan(
+                    each,
+                    near=near,
+                    multistart=multistart,
+                    seed=seed,
+                    on_iteration=on_iteration,
+                    should_stop=should_stop,
+                ),
+            )
         watched = on_iteration, should_stop
         started = time.perf_counter()
         full = near is not None and near.attempt is not None and not near.attempt.problem.aside
@@ -177,12 +192,15 @@ def _local_optima(run: Run, starts: int, seed: int) -> list[Checked]:
         if each.verification is not None:
             found.append(each)
     sign = problem.objective.sign
-    found.sort(key=lambda each: sign * each.attempt.objective)
+    best = [run.best(each) for each in _distinct(found, sign)[:MAX_OPTIMA]]
+    return _distinct([each for each in best if each.within(problem.tolerance)], sign)
+
+
+def _distinct(found: list[Checked], sign: float) -> list[Checked]:
+    """Return those with objectives of their own, the best first."""
     distinct: list[Checked] = []
-    for each in found:
+    for each in sorted(found, key=lambda each: sign * each.attempt.objective):
         value = each.attempt.objective
         if all(abs(value - o.attempt.objective) > SAME * max(abs(value), 1e-9) for o in distinct):
             distinct.append(each)
-    best = [run.best(each) for each in distinct[:MAX_OPTIMA]]
-    best = [each for each in best if each.within(problem.tolerance)]
-    return sorted(best, key=lambda each: sign * each.attempt.objective)
+    return distinct

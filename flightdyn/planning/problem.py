@@ -100,6 +100,9 @@ class Problem:
         Largest allowed error of the plan when flown again, as a fraction of each state's range
         (of 1, in SI units, for states that move less).
     max_wall_time : float [s]
+    alternatives : pairs of name and Problem
+        To be planned instead, the best of which is wanted: then this problem itself is not. They
+        are minimized or maximized alike.
     aside : names
         Outputs whose bounds are left out, see `without_limits`.
 
@@ -136,6 +139,7 @@ class Problem:
     sharpen: bool = True
     tolerance: float = 1e-4
     max_wall_time: float = 60.0
+    alternatives: Sequence[tuple[str, 'Problem']] = ()
     aside: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
@@ -179,6 +183,12 @@ class Problem:
             )
         if not 1e-12 <= self.tolerance <= 1:
             raise InputError(f'{self.name}: tolerance must be 1e-12 to 1, got {self.tolerance:g}')
+        for name, each in self.alternatives:
+            if each.objective.sign != self.objective.sign or each.alternatives:
+                raise InputError(
+                    f'{self.name}: alternatives.{name}: must be minimized or maximized as the '
+                    'problem is, and have no alternatives of its own'
+                )
         if not 0 < self.max_wall_time < math.inf:
             raise InputError(
                 f'{self.name}: max_wall_time must be positive, got {self.max_wall_time:g} s'
@@ -482,9 +492,17 @@ class Problem:
         path: Bounds | None = None,
         **changes: Any,
     ) -> 'Problem':
-        """Return the problem with named bounds and other fields replaced, checked again."""
+        """Return the problem with named bounds and other fields replaced, checked again.
+
+        Alternatives are changed alike.
+        """
+        alternatives = [
+            (name, each.with_changes(initial=initial, final=final, path=path, **changes))
+            for name, each in self.alternatives
+        ]
         return replace(
             self,
+            alternatives=tuple(alternatives),
             initial={**self.initial, **self._down('initial', initial or {})},
             final={**self.final, **self._down('final', final or {})},
             path={**self.path, **self._down('path', path or {})},

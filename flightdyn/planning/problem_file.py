@@ -1,6 +1,7 @@
 """Problems from YAML files and settings of the command line."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from ..environment.surroundings_file import KEYS as SURROUNDINGS
 from ..environment.surroundings_file import read_surroundings
 from ..environment.wind_file import read_wind
 from ..errors import InputError
-from ..resources import find_config
+from ..resources import find_config, list_configs
 from ..vehicles.fields import IN_DEGREES, in_degrees, named_bounds
 from ..vehicles.vehicle import Vehicle, load_vehicle
 from .objective import parse_objective
@@ -21,8 +22,11 @@ KEYS = (
     *('description', 'vehicle', 'model', 'objective', 'phases', *CONDITIONS),
     *('change', 'wind_ned', 'wind', 'wind_strength', 'control_interpolation', 'transcription'),
     *('spacing', 'substeps', 'refine', 'sharpen', 'multistart', 'tolerance', 'max_wall_time'),
-    *(*SURROUNDINGS, 'origin'),
+    *(*SURROUNDINGS, 'origin', 'alternatives'),
 )
+
+
+ALTERNATIVE = ('objective', *CONDITIONS)
 
 
 def load_problem(
@@ -53,7 +57,46 @@ def load_problem(
     return _problem(path, check_keys(document, KEYS, str(path)), config_dir)
 
 
+def list_problems(config_dir: str | Path | None = None) -> tuple[list[Problem], list[InputError]]:
+    """Return every configured problem, by name, and what is wrong with those that are none."""
+    problems, wrong = [], []
+    for name in list_configs('problems', config_dir):
+        try:
+            problems.append(load_problem(name, (), config_dir))
+        except InputError as error:
+            wrong.append(error)
+    return problems, wrong
+
+
 def _problem(path: Path, document: dict[str, Any], config_dir: str | Path | None) -> Problem:
+    """Return a problem, with those that its alternatives make of it."""
+    given = document.pop('alternatives', {})
+    if not isinstance(given, Mapping):
+        raise InputError(f'{path}: alternatives: expected names and keys of each, got {given!r}')
+    found = []
+    for name, keys in given.items():
+        where = f'{path}: alternatives.{name}'
+        changes = check_keys(keys, ALTERNATIVE, where)
+        try:
+            found.append((str(name), _single(path, _merged(document, changes), config_dir)))
+        except InputError as error:
+            raise InputError(f'{error} (in alternatives.{name})') from None
+    if not found:
+        return _single(path, document, config_dir)
+    return replace(found[0][1], alternatives=tuple(found))
+
+
+def _merged(document: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a document with entries changed, those of conditions name by name."""
+    merged = dict(document)
+    for key, value in changes.items():
+        old = merged.get(key)
+        both = isinstance(old, Mapping) and isinstance(value, Mapping) and key != 'objective'
+        merged[key] = {**old, **value} if both else value  # type: ignore[dict-item]
+    return merged
+
+
+def _single(path: Path, document: dict[str, Any], config_dir: str | Path | None) -> Problem:
     phases = tuple(_phases(document.get('phases', {}), f'{path}: phases'))
     for key in ('vehicle',) if phases else ('vehicle', 'duration'):
         if key not in document:

@@ -11,6 +11,7 @@ from ..environment.surroundings import NOTHING, Surroundings
 from ..environment.wind import Wind
 from ..errors import ResultCode
 from ..trajectory import Trajectory
+from .alternatives import Alternative
 from .problem import Problem
 from .programme import Attempt
 from .samples import Path
@@ -72,6 +73,8 @@ class Plan:
         Other local optima that were found, if they were asked for, best first.
     near : bool
         Whether its solve started from another plan.
+    alternatives : list of Alternative
+        What came of each of the problem's alternatives, this plan's first; empty if it has none.
     """
 
     trajectory: Trajectory
@@ -81,6 +84,7 @@ class Plan:
     surroundings: Surroundings = NOTHING
     others: list['Plan'] = field(default_factory=list)
     near: bool = False
+    alternatives: list[Alternative] = field(default_factory=list)
     attempt: Attempt | None = field(default=None, repr=False, compare=False)
 
 

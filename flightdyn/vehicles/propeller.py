@@ -6,8 +6,10 @@ from math import pi
 from typing import NamedTuple
 
 from .. import numpy as np
+from ..config import whole_number
 from ..dynamics import Dynamics
 from ..environment.atmosphere import DENSITY_SEA_LEVEL
+from ..environment.noise import propeller_level
 from ..errors import InputError
 from ..numpy import Vectorizable
 from .aerodynamics import Values
@@ -16,11 +18,12 @@ from .propulsion import FORWARD, Bounds, Mount, Propulsion, Triple, read_mount
 
 KEYS = (
     *('kind', 'diameter', 'thrust_coefficients', 'power_coefficients', 'efficiency', 'engine'),
-    *('sense', 'direction', 'axes', 'position'),
+    *('sense', 'direction', 'axes', 'position', 'blades'),
 )
 ENGINE_KEYS = ('kind', 'power', 'rotation', 'consumption', 'efficiency', 'fuel', 'charge')
 
 _LEAST_FLOW = 0.1  # m/s, of air through a propeller at rest: a finite slope at no power
+_LEAST_POWER = 1.0  # W, below which a propeller gets no quieter
 _NEWTON_STEPS = 5  # to 1e-12 of the flow, from anywhere that the start can be
 
 
@@ -34,6 +37,8 @@ class Turning(NamedTuple):
 
 class Propeller(ABC):
     """Thrust from shaft power."""
+
+    diameter: float
 
     @abstractmethod
     def turn(
@@ -168,6 +173,8 @@ class PropellerDrive(Propulsion):
     stored : float or None
         Fuel [kg] or battery charge [J] when full, an extra state `fuel` or `charge`; None for one
         that is not counted. The mass in the vehicle's file is without the fuel.
+    blades : int or None
+        Of the propeller, for its noise at 1 m, the output `source_level` [dB]; None for no noise.
     sense : float
         -1, 0 or 1: what torque the engine puts on the vehicle about the thrust, 0 to leave it out.
     """
@@ -175,6 +182,7 @@ class PropellerDrive(Propulsion):
     propeller: Propeller
     engine: Engine
     stored: float | None = None
+    blades: int | None = None
     sense: float = 0.0
     mount: Mount = FORWARD
 
@@ -199,8 +207,14 @@ class PropellerDrive(Propulsion):
         use = power * engine.use
         rates = dict.fromkeys(self.extra_states, -use)
         drawn = 'fuel_flow' if engine.kind == 'piston' else 'power_drawn'
-        turning = {} if rotation is None else {'rotation': rotation}
-        return rates | {'thrust': thrust, 'power': power, drawn: use} | turning
+        more = {} if rotation is None else {'rotation': rotation}
+        if self.blades is not None:
+            turning = engine.rotation if rotation is None else rotation
+            tip_mach = pi * self.propeller.diameter * turning / air.atmosphere.speed_of_sound()
+            more['source_level'] = propeller_level(
+                np.fmax(power, _LEAST_POWER), self.propeller.diameter, tip_mach, self.blades
+            )
+        return rates | {'thrust': thrust, 'power': power, drawn: use} | more
 
 
 def read_propeller(fields: Fields, mass: float) -> PropellerDrive:
@@ -248,9 +262,14 @@ def read_propeller(fields: Fields, mass: float) -> PropellerDrive:
             ),
         ),
         stored=engine.positive(store) if store in engine else None,
+        blades=_blades(fields) if 'blades' in fields else None,
         sense=sense,
         mount=read_mount(fields),
     )
+
+
+def _blades(fields: Fields) -> int:
+    return whole_number(fields.need('blades'), fields.at('blades'), lower=2, upper=12)
 
 
 def _quadratic(fields: Fields, key: str) -> Triple:

@@ -10,7 +10,16 @@ from ..dynamics.base import G
 from ..dynamics.stage import KINEMATICS
 from ..errors import InputError
 from ..resources import find_config, list_configs
-from . import aero_direct, aero_polar, aero_table, buoyancy, jet, propeller, propulsion
+from . import (
+    aero_direct,
+    aero_polar,
+    aero_table,
+    body_drag,
+    buoyancy,
+    jet,
+    propeller,
+    propulsion,
+)
 from .aerodynamics import COEFFICIENTS, Aerodynamics
 from .definition import STEERED
 from .definition import Vehicle as Vehicle
@@ -31,6 +40,7 @@ AERODYNAMICS = {
     'table': (aero_table.KEYS, aero_table.read_table_aerodynamics),
     'buildup': (aero_direct.KEYS, aero_direct.read_buildup_or_direct),
     'balloon': (buoyancy.KEYS, buoyancy.read_balloon),
+    'body_drag': (body_drag.KEYS, body_drag.read_body_drag),
 }
 PROPULSION = {
     'rocket': (propulsion.ROCKET_KEYS, propulsion.read_rocket),

@@ -66,6 +66,11 @@ def slices(n: int, rows: int = ROWS) -> Iterator[slice]:
         yield slice(start, min(start + rows, n))
 
 
+def path_part(name: str) -> str:
+    """Return a name as one part of an entity path."""
+    return ''.join(c if c.isalnum() or c in '-_.' else '_' for c in name) or '_'
+
+
 def send(
     rec: rr.RecordingStream, entity: str, clock: Clock, columns: Callable[[slice], Iterable[Any]]
 ) -> None:

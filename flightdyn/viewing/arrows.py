@@ -41,7 +41,8 @@ def arrows_of(trajectory: Trajectory, motion: Motion) -> list[Arrow]:
     Always the velocity. The wind from `wind_x_e`, `wind_y_e` (`wind_z_e`), or as the difference
     of the velocities over the ground and through the air where attitude, `alpha`, `beta` and
     `airspeed` are known. Lift and drag from columns of these names [N], along the wind axes; where
-    there are none, the load factor of a point mass [g], square to its velocity at its bank.
+    there are none, the load factor of a point mass in speed and gamma [g], square to its
+    velocity at its bank.
     """
     found = [Arrow('velocity', 'm/s', motion.velocity_body, 'velocity', (255, 190, 60))]
     wind = wind_earth(trajectory, motion)
@@ -54,10 +55,10 @@ def arrows_of(trajectory: Trajectory, motion: Motion) -> list[Arrow]:
             ('drag', (-trajectory['drag'], zero, zero), (230, 80, 70)),
         ):
             found.append(Arrow(name, 'N', _body_from_wind(trajectory, along), 'force', color))
-    elif all(name in trajectory for name in ('load_factor', 'bank', 'gamma', 'track')):
+    elif 'gamma' in trajectory.states and all(n in trajectory for n in ('bank', 'load_factor')):
         zero = np.zeros(len(trajectory))
         path = frames.rotation_from_euler(
-            trajectory['bank'], trajectory['gamma'], trajectory['track']
+            trajectory['bank'], trajectory['gamma'], trajectory.columns.get('track', zero)
         )
         up = np.asarray(
             frames.stack(frames.rotate(path, (zero, zero, -trajectory['load_factor'])))

@@ -33,6 +33,10 @@ class Layout:
         The overview's in earth axes, the chase view's in forward, left, up of the heading.
     lanes : int
         How many lanes of states there are.
+    vehicles : sequence of str
+        Their entities below `/world`.
+    legend : bool
+        Whether the path's colours have a legend.
     map_zoom : float or None
         Zoom of the map; None if there is no map.
     """
@@ -42,6 +46,8 @@ class Layout:
     overview: Camera
     chase: Camera
     lanes: int = 0
+    vehicles: Sequence[str] = ('vehicle',)
+    legend: bool = True
     map_zoom: float | None = None
 
 
@@ -55,7 +61,8 @@ def flight_blueprint(layout: Layout) -> rrb.Blueprint:
     """Return the blueprint: 3D views and map left, plots right, paused at the start."""
     everything = '+ /world/**'
     # Sizes of arrows fit the true vehicle: the overview's would be dots, or in its way.
-    small = ['- /world/chase/**', '- /world/vehicle/body/**', '- /world/vehicle/arrows/**']
+    small = ['- /world/chase/**']
+    small += [f'- /world/{v}/{part}/**' for v in layout.vehicles for part in ('body', 'arrows')]
     overview = rrb.Spatial3DView(
         origin='/world',
         name='Overview',
@@ -65,7 +72,8 @@ def flight_blueprint(layout: Layout) -> rrb.Blueprint:
         eye_controls=_eye(layout.overview),
     )
     # Ghosts and the curtain of every circle flown would stand in the way from close by.
-    large = ['- /world/vehicle/enlarged/**', '- /world/vehicle/marker/**']
+    large = [f'- /world/{v}/enlarged/**' for v in layout.vehicles]
+    large += [f'- /world/{layout.vehicles[0]}/marker/**']
     hidden = [*large, '- /world/ghosts/**', '- /world/curtain/**', '- /world/uncertainty/**']
     chase = rrb.Spatial3DView(
         origin='/world/chase',
@@ -91,9 +99,8 @@ def flight_blueprint(layout: Layout) -> rrb.Blueprint:
         chart = rrb.MapView(origin='/map', name='Map', zoom=layout.map_zoom)
         notes = rrb.Tabs(events, summary, active_tab=0)
         lower = rrb.Horizontal(chart, notes, column_shares=[1, 1])
-    scene = rrb.Horizontal(
-        rrb.Vertical(overview, legend, row_shares=[11, 1]), chase, column_shares=[3, 2]
-    )
+    whole = rrb.Vertical(overview, legend, row_shares=[11, 1]) if layout.legend else overview
+    scene = rrb.Horizontal(whole, chase, column_shares=[3, 2])
     left = rrb.Vertical(scene, lower, row_shares=[5, 2])
     plots = _plots(layout.groups, layout.lanes)
     return rrb.Blueprint(
@@ -172,10 +179,13 @@ def live_blueprint(
         for key, title in list(plots.items())[:MAX_PLOT_ROWS]
     ]
     if iterating:
+        views.append(rrb.Spatial2DView(origin='/histories', name='The iterate over time'))
         views.append(rrb.TimeSeriesView(origin='/iterations', name='Duration of the iterate [s]'))
     views.append(rrb.TextLogView(origin='/events', name='Events'))
+    shares = [2.5 if view.origin == '/histories' else 1.0 for view in views]
+    side = rrb.Vertical(*views, row_shares=shares)
     return rrb.Blueprint(
-        rrb.Horizontal(rrb.Vertical(*scenes), rrb.Vertical(*views), column_shares=[2, 1]),
+        rrb.Horizontal(rrb.Vertical(*scenes), side, column_shares=[2, 1]),
         rrb.TimePanel(
             state='collapsed',
             timeline='flight_time' if vehicle is not None or not iterating else 'iteration',

@@ -59,8 +59,7 @@ def convergence_figure(iterations: 'Sequence[Iteration]', *, title: str = '') ->
         apart.set(xlabel='iteration', ylabel='scaled infeasibility [-]')
         legend_above(apart)
         solved = f'{len(solves)} solves' if len(solves) > 1 else 'one solve'
-        facts = (
-            f'{numbers.size} iterations in {solved}, {iterations[-1].elapsed:.3g} s in the last'
-        )
+        spent = sum(iterations[part[-1]].elapsed for part in solves)
+        facts = f'{numbers.size} iterations in {solved}, {spent:.3g} s'
         figure.suptitle(f'{title}\n{facts}' if title else facts, fontsize=9.5)
     return figure

@@ -69,7 +69,7 @@ def figure_for(
     motion = motion_of(trajectory)
     ahead, aside, up = np.ptp(motion.position, axis=0)
     least = LEVEL * max(motion.size, 1e-9)
-    if surroundings is not None or aside > least:
+    if surroundings or aside > least:
         return path_figure(trajectory, surroundings, about)
     if 'theta' in trajectory.states and 'thrust_left' in trajectory:
         return flip_figure(trajectory, about)

@@ -77,6 +77,13 @@ class Motion:
         """Velocity in body axes [m/s] (n, 3)."""
         return self.in_body(self.velocity)
 
+    @cached_property
+    def hovers(self) -> bool:
+        """Whether it stays in the air, 3 m above its lowest point, all but standing."""
+        aloft = self.altitude > self.altitude.min() + 3.0
+        still = aloft & (self.speed < 1.5)
+        return bool(still.sum() > 0.1 * max(int(aloft.sum()), 1))
+
     def in_body(self, vectors: Array) -> Array:
         """Return vectors (n, 3) of earth axes in body axes."""
         x, y, z = vectors.T

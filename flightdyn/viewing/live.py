@@ -16,11 +16,11 @@ from ..errors import InputError, MissingExtraError
 from ..trajectory import Trajectory
 from ..vehicles.geometry import load_geometry
 from . import scenery
-from .archetypes import APPLICATION, MARKED, PLANNED, Clock, line_color, log_body, xyzw
+from .archetypes import APPLICATION, MARKED, PLANNED, Clock, line_color, log_body, path_part, xyzw
 from .blueprint import live_blueprint
 from .kinematics import Motion, level_attitude, motion_of
 from .meshes import mesh_for
-from .quantities import plot_groups
+from .quantities import plot_groups, unit_of
 
 try:
     import rerun as rr
@@ -36,6 +36,9 @@ PERIOD = 0.1  # s between two sends: smooth to the eye, and few chunks
 TRAIL_PERIOD = 1.0  # s between two pieces of trail: the viewer slows with pieces, not with points
 PATIENCE = 2.0  # s to wait for a viewer, when connecting and when closing
 MAX_WAITING = 200_000  # samples; of more than that, which only a stuck viewer leaves, none is kept
+MAX_HISTORIES = 8
+HISTORY_WIDTH = 6.0  # of a history, whose height is 1
+HISTORY_STEP = 1.35  # from one history to the next below it
 EPOCH = 1e8  # s; a clock this far on counts from 1970, not from the start of a flight
 
 # A server of HTTP/2 answers this with settings of its own (RFC 9113, sections 3.4 and 6.5).
@@ -75,6 +78,8 @@ class LiveView:
         self._crafts: dict[str, _Craft] = {}
         self._plan: Motion | None = None
         self._layout: tuple[object, ...] = ()
+        self._iterating = False
+        self._histories = _Histories()
         self._dropped = 0
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name='live view', daemon=True)
@@ -160,7 +165,7 @@ class LiveView:
             self._jobs.popleft()()
         for kind, rows in waiting.items():
             for flight in self._flights(kind, np.array(rows, float)):
-                self._send_flight(kind[0] or 'vehicle', flight)
+                self._send_flight(path_part(kind[0] or 'vehicle'), flight)
 
     def _flights(self, kind: Kind, rows: Array) -> list[Trajectory]:
         """Return samples as flights, one more after each step back in time."""
@@ -254,17 +259,19 @@ class LiveView:
         if self._plan is None:
             self._plan = motion
         self._rec.set_time('iteration', sequence=number)
-        self._rec.log('world/iterate', _path(motion))
+        self._rec.log('world/iterate', _path(motion, MARKED))
         self._rec.log('iterations/final_time', rr.Scalars(trajectory.duration))
+        self._rec.log('histories', self._histories.of(trajectory, motion))
         self._rec.reset_time()
-        self._arrange(iterating=True)
+        self._iterating = True
+        self._arrange()
 
-    def _arrange(self, iterating: bool = False) -> None:
+    def _arrange(self) -> None:
         """Send the blueprint when there is something new for it to show."""
         titles: dict[str, str] = {}
         for craft in self._crafts.values():
             titles |= craft.plots
-        layout = tuple(self._crafts), tuple(titles), iterating, self._plan is None
+        layout = tuple(self._crafts), tuple(titles), self._iterating, self._plan is None
         if layout == self._layout:
             return
         self._layout = layout
@@ -281,7 +288,7 @@ class LiveView:
                 chase_distance=self._crafts[first].size if first else 1.0,
                 overview=overview,
                 plots=titles,
-                iterating=iterating,
+                iterating=self._iterating,
             )
         )
 
@@ -302,11 +309,44 @@ class _Craft:
         self.ends = float(motion.time[-1])
 
 
-def _path(motion: Motion) -> rr.LineStrips3D:
+class _Histories:
+    """Quantities of iterates over time, one above the other, each in the range seen so far.
+
+    They are drawings: the axis along a plot of the viewer is that of a timeline, here the
+    iterations.
+    """
+
+    def __init__(self) -> None:
+        self._ranges: dict[str, tuple[float, float]] = {}
+        self._longest = 0.0
+
+    def of(self, trajectory: Trajectory, motion: Motion) -> rr.LineStrips2D:
+        """Return the histories of an iterate."""
+        series = [s for group in plot_groups(trajectory, motion) for s in group.series]
+        series = series[:MAX_HISTORIES]
+        self._longest = max(self._longest, trajectory.duration)
+        along = HISTORY_WIDTH * (trajectory.time - trajectory.time[0]) / max(self._longest, 1e-12)
+        strips = []
+        for row, each in enumerate(series):
+            low, high = float(each.values.min()), float(each.values.max())
+            known = self._ranges.get(each.name, (low, high))
+            low, high = self._ranges[each.name] = min(low, known[0]), max(high, known[1])
+            share = (each.values - low) / max(high - low, 1e-12)
+            strips.append(np.column_stack([along, HISTORY_STEP * row + 1 - share]))
+        return rr.LineStrips2D(
+            strips,
+            colors=[line_color(row) for row in range(len(series))],
+            labels=[f'{s.name} [{unit_of(s.name)[0]}]' for s in series],
+            show_labels=True,
+            radii=rr.Radius.ui_points(1.5),
+        )
+
+
+def _path(motion: Motion, color: tuple[int, int, int] = PLANNED) -> rr.LineStrips3D:
     parts = scenery.drawn_samples(motion, 5_000)
     return rr.LineStrips3D(
         [motion.position[part] for part in parts if part.size > 1],
-        colors=[PLANNED],
+        colors=[color],
         radii=rr.Radius.ui_points(1.5),
     )
 

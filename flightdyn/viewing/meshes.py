@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from .airframe import airframe
+from .kinematics import Motion
 from .mesh_files import MeshFile, read_glb, read_stl
 from .solids import (
     BLUE,
@@ -33,20 +34,24 @@ from .solids import (
 
 
 def mesh_for(
-    vehicle: str, *, geometry: Mapping[str, Any] | None = None, scene_size: float = np.inf
+    vehicle: str,
+    *,
+    geometry: Mapping[str, Any] | None = None,
+    motion: Motion | None = None,
 ) -> Mesh | MeshFile:
-    """Return the shape to draw for a vehicle: by its geometry, else by its name.
+    """Return the shape to draw for a vehicle: by its geometry, its name, or how it moves.
 
     Parameters
     ----------
     vehicle : str
         A name that contains 'quad' or 'drone' (0.1 m between rotors), 'glider' or 'discus'
-        (15 m span), 'cessna' (10.2 m span), 'rocket' (70 m long) or 'balloon' (0.25 m). Any
-        other is an aeroplane of 11 m span.
+        (15 m span), 'cessna' (10.2 m span), 'rocket' (70 m long) or 'balloon' (0.25 m).
     geometry : mapping
         As `vehicles.geometry` reads it.
-    scene_size : float
-        Extent of the flight [m]: an aeroplane nobody named is made to fit it.
+    motion : Motion
+        Of a vehicle that has neither: what hovers is a quadcopter of 0.5 m, what flies faster
+        than 110 m/s an airliner of 35 m span, any other an aeroplane of 11 m; each is made to fit
+        the extent of its flight.
 
     Raises
     ------
@@ -79,8 +84,11 @@ def mesh_for(
         return balloon()
     if 'cessna' in name:
         return aeroplane(10.2)
-    shape = aeroplane(11.0)
-    return shape.scaled(min(1.0, max(0.05 * scene_size, 0.1) / shape.size))
+    if motion is None:
+        return aeroplane(11.0)
+    fast = float(np.quantile(motion.speed, 0.9)) > 110.0
+    shape = quadcopter(0.5) if motion.hovers else airliner() if fast else aeroplane(11.0)
+    return shape.scaled(min(1.0, max(0.05 * motion.size, 0.1) / shape.size))
 
 
 @cache
@@ -147,6 +155,44 @@ def aeroplane(span: float = 11.0) -> Mesh:
         parts.append(bar((0.1, side * 0.4, 0.4), (0.0, side * 1.1, 0.95), 0.09, GREY))
         parts.append(disc((0.0, side * 1.15, 0.98), 0.24, 0.14, DARK, axis=1))
     return join(parts).scaled(span / 11.0)
+
+
+@cache
+def airliner() -> Mesh:
+    """Return a twin-engined jet of 35 m span."""
+    return airframe(
+        {
+            'wings': [
+                {'symmetric': True, 'sections': [
+                    {'le': (0, 0, -0.6), 'chord': 7.5},
+                    {'le': (3.6, 6.0, -0.2), 'chord': 4.0},
+                    {'le': (9.0, 17.5, 0.9), 'chord': 1.5},
+                ]},
+                {'symmetric': True, 'origin': (18.0, 0, 1.4), 'sections': [
+                    {'le': (0, 0, 0), 'chord': 3.6}, {'le': (3.2, 6.2, 0.6), 'chord': 1.4},
+                ]},
+                {'origin': (16.0, 0, 1.8), 'sections': [
+                    {'le': (0, 0, 0), 'chord': 5.4}, {'le': (4.6, 0.01, 5.6), 'chord': 1.9},
+                ]},
+            ],
+            'fuselages': [
+                {'sections': [
+                    {'centre': (x, 0, z), 'radius': r} for x, z, r in (
+                        (-14.0, -0.5, 0.1), (-12.6, -0.3, 1.2), (-10.0, 0, 1.95),
+                        (11.0, 0, 1.95), (17.0, 0.6, 1.3), (22.0, 1.2, 0.3),
+                    )
+                ]},
+                *(
+                    {'origin': (0.2, side * 5.6, -1.9), 'sections': [
+                        {'centre': (-1.6, 0, 0), 'radius': 0.95},
+                        {'centre': (0.4, 0, 0), 'radius': 1.05},
+                        {'centre': (2.6, 0, 0), 'radius': 0.6},
+                    ]}
+                    for side in (1, -1)
+                ),
+            ],
+        }
+    )  # fmt: skip
 
 
 @cache

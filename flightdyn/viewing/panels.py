@@ -59,8 +59,12 @@ def panels_of(trajectory: Trajectory, about: About = NOTHING) -> list[list[str]]
         if name not in shown:
             unit = unit_of(name)[0]
             by_unit.setdefault(name if unit == '-' else unit, []).append(name)
+    bare = [name for name in by_unit if unit_of(name)[0] == '-']
+    if len(bare) > 2:  # such as the rotors, too many for an axis each
+        by_unit = {key: names for key, names in by_unit.items() if key not in bare}
+        by_unit['-'] = bare
     # controls are what was decided: they come before what follows of them
-    alike = [names for names in by_unit.values() if names]
+    alike = list(by_unit.values())
     return [names for names in (*chosen[:3], *alike, *chosen[3:]) if names]
 
 

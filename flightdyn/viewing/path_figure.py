@@ -1,16 +1,19 @@
 """A flight in three dimensions: from above, its heights, and what it did over time."""
 
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import frames
 from ..environment.surroundings import Surroundings
 from ..errors import MissingExtraError
 from ..trajectory import Trajectory
 from .kinematics import Motion, motion_of
 from .panels import panels_of, with_usual
 from .plotting import (
+    COLORS,
     MUTED,
     NOTHING,
     About,
@@ -41,6 +44,13 @@ Array = NDArray[np.float64]
 MAX_PANELS = 6
 STEEP = 0.1
 """Of a flight that climbs and sinks by more than this share of its extent, the shape is shown."""
+BODY_AXES = (
+    (((-0.6, 0.0, 0.0), (1.0, 0.0, 0.0)), '#333333'),
+    (((0.0, -0.8, 0.0), (0.0, 0.8, 0.0)), '#333333'),
+    (((0.0, 0.0, 0.0), (0.0, 0.0, -1.0)), COLORS[1]),
+)
+"""A rigid body in space: fore and aft, span, and up, as lines in its axes, and their colours."""
+BODY_SHARE = 0.08  # of the flight's extent
 
 
 def path_figure(
@@ -66,7 +76,7 @@ def path_figure(
     motion = motion_of(trajectory)
     trajectory = with_usual(trajectory, motion)
     _, per_second = time_unit(trajectory)
-    terrain = surroundings is not None and surroundings.terrain is not None
+    terrain = surroundings and surroundings.terrain
     steep = not terrain and np.ptp(motion.altitude) > STEEP * motion.size
     panels = panels_of(trajectory, about)[: MAX_PANELS - steep]
     if steep:
@@ -78,7 +88,8 @@ def path_figure(
         places = left.subgridspec(2, 1, height_ratios=(1.2, 1) if steep else (2.4, 1))
         _above(figure, figure.add_subplot(places[0]), trajectory, motion, surroundings)
         if steep:
-            _in_space(figure, places[1], motion)
+            turns = 'theta' in trajectory.states or 'qw' in trajectory.states
+            _in_space(figure, places[1], motion, turns)
         else:
             _heights(figure.add_subplot(places[1]), motion, surroundings)
         axes = list(right.subgridspec(len(panels), 1).subplots(sharex=True, squeeze=False)[:, 0])
@@ -98,7 +109,7 @@ def _above(
 ) -> None:
     name = 'airspeed' if 'airspeed' in trajectory else 'speed'
     scale = draw_track(figure, ax, motion, trajectory[name], f'{name} [m/s]')
-    if surroundings is not None:
+    if surroundings:
         draw_ground(ax, surroundings, scale)
         _look_at(ax, motion, surroundings, scale)
     legend_above(ax)
@@ -125,14 +136,14 @@ def _heights(ax: Axes, motion: Motion, surroundings: Surroundings | None) -> Non
     along = motion.arc_length * scale
     for part in motion.segments:
         ax.plot(along[part], motion.altitude[part] * factor, **look_of(0))
-    if surroundings is not None:
+    if surroundings:
         draw_below(ax, surroundings, motion, along, factor)
     ax.set(xlabel=f'distance flown [{unit}]', ylabel=f'altitude [{shown}]')
     ax.set_xlim(along[0], along[-1])
 
 
-def _in_space(figure: Figure, place: SubplotSpec, motion: Motion) -> None:
-    """Draw the path in space with its shadow, all axes to one scale."""
+def _in_space(figure: Figure, place: SubplotSpec, motion: Motion, turns: bool) -> None:
+    """Draw the path in space with its shadow, and how a rigid body turns; all axes alike."""
     ax = figure.add_subplot(place, projection='3d')
     unit, scale = path_unit(float(np.ptp(motion.position, axis=0).max()))
     x, y, z = motion.position[:, 1] * scale, motion.position[:, 0] * scale, motion.altitude * scale
@@ -141,8 +152,15 @@ def _in_space(figure: Figure, place: SubplotSpec, motion: Motion) -> None:
     for part in motion.segments:
         ax.plot(x[part], y[part], floor, color='#bbbbbb', lw=1.2)
         ax.plot(x[part], y[part], z[part], color=look_of(0)['color'])
-    for k in _evenly(motion, 9):
+    shown = _evenly(motion, 11 if turns else 9)
+    for k in shown:
         ax.plot([x[k]] * 2, [y[k]] * 2, [floor, z[k]], color='#bbbbbb', lw=0.7)
+    if turns:
+        size = BODY_SHARE * float(spans.max())
+        for (sides, color), k in product(BODY_AXES, shown):
+            turned = [frames.rotate(_body_to_earth(motion, k), side) for side in sides]
+            north, east, down = np.array(turned).T * size
+            ax.plot(x[k] + east, y[k] + north, z[k] - down, color=color, lw=1.8, zorder=5)
     ax.plot(x[:1], y[:1], z[:1], 'o', color='black', ms=4)
     ax.plot(x[-1:], y[-1:], z[-1:], 's', color='black', mfc='white', ms=4)
     ax.set_box_aspect(
@@ -155,6 +173,11 @@ def _in_space(figure: Figure, place: SubplotSpec, motion: Motion) -> None:
         axis.set_major_locator(MaxNLocator(4))
         axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
     ax.view_init(elev=24, azim=-58)
+
+
+def _body_to_earth(motion: Motion, k: int) -> frames.Rotation:
+    w, x, y, z = motion.attitude[k]
+    return frames.rotation_from_quaternion((w, x, y, z))
 
 
 def _evenly(motion: Motion, count: int) -> Sequence[int]:

@@ -37,6 +37,8 @@ LINES = ('-', '--', ':', '-.')
 COLOR_MAP = 'viridis'
 LONG = 1200.0  # s: flights beyond are shown in minutes
 MAX_DRAWN = 20_000  # samples of a path or history: more are not seen, and make vector files heavy
+STEADY = 1e-3  # of its value: what varies by less is drawn as steady as it is
+MANY = 2_000  # samples: a history of more is drawn in a fine line
 _PREFIXES = {
     'kg': ((1e4, 1e-3, 't'),),
     **{
@@ -210,6 +212,8 @@ def draw_columns(
             values = _compass(values)
         if name in trajectory.controls and trajectory.control_interpolation == 'previous':
             how['drawstyle'] = 'steps-post'
+        if len(trajectory) > MANY:
+            how['lw'] = 0.7
         if len(names) > 1:
             how['ls'] = LINES[number % len(LINES)]
         color = COLORS[number % len(COLORS)]
@@ -230,6 +234,9 @@ def draw_columns(
             _dash(ax, values, np.array(about.limits[name]) * factor)
         if name in ('track', 'psi') and np.ptp(values) > 180:
             ax.yaxis.set_major_locator(MultipleLocator(90 if np.ptp(values) <= 270 else 180))
+    level = float(np.mean(ax.get_ylim()))
+    if np.ptp(ax.get_ylim()) < STEADY * abs(level):
+        ax.set_ylim(level - 0.05 * abs(level), level + 0.05 * abs(level))
     mark_arcs(ax, about, names, per_second)
     # in two lines, as histories are low
     ax.set_ylabel(f'{", ".join(names)}\n[{unit}]' if len(names) < 3 else f'[{unit}]')
@@ -271,13 +278,14 @@ def mark_arcs(ax: Axes, about: About, names: Sequence[str], per_second: float = 
         )
 
 
-def legend_above(ax: Axes, **how: Any) -> None:
+def legend_above(ax: Axes) -> None:
     """Put the legend over the axes, where no data are."""
     handles, _ = ax.get_legend_handles_labels()
-    how = {'ncols': min(len(handles), 4), **how}
+    tight = len(handles) > 3
     ax.legend(
-        loc='lower left', bbox_to_anchor=(0, 1), borderaxespad=0.1, handlelength=2.2,
-        columnspacing=1.2, **how,
+        loc='lower left', bbox_to_anchor=(0, 1), borderaxespad=0.1, ncols=min(len(handles), 4),
+        fontsize=7 if tight else 8, handlelength=1.6 if tight else 2.2,
+        columnspacing=0.8 if tight else 1.2,
     )  # fmt: skip
 
 

@@ -46,6 +46,14 @@ _UNITS: dict[str, tuple[str, float]] = {
     'temperature': ('K', 1.0),
     'dynamic_pressure': ('Pa', 1.0),
 }
+NOTHING = 1e-9
+"""An output that is never larger says that there is no such motion, such as beta in a plane."""
+
+_MOTION = (
+    *('x_e', 'y_e', 'z_e', 'u_e', 'v_e', 'w_e', 'u_b', 'v_b', 'w_b', 'speed', 'gamma', 'track'),
+    *('phi', 'theta', 'psi', 'p', 'q', 'r', 'alpha', 'beta', 'bank', 'qw', 'qx', 'qy', 'qz'),
+)
+
 _UNIT_PREFIXES = {'thrust_': ('N', 1.0), 'F': ('N', 1.0), 'M': ('N m', 1.0)}
 _FORCE_AXES = ('_b', '_e', '_w', '_s', '_g')
 
@@ -93,7 +101,8 @@ def plot_groups(trajectory: Trajectory, motion: Motion) -> list[Group]:
     Returns
     -------
     list of Group
-        Altitude, speed, angles, track, rates, load factor, then the controls by unit.
+        Altitude, speed, angles, track, rates, load factor, the controls by unit, states beside
+        the motion's, lift and drag. Outputs that are 0 throughout are left out.
     """
     altitude_std = 'altitude_std' if 'altitude_std' in trajectory else 'z_e_std'
     groups = [
@@ -106,8 +115,12 @@ def plot_groups(trajectory: Trajectory, motion: Motion) -> list[Group]:
         groups[1] = _group('speed', 'Speed', [*groups[1].series, airspeed])
     shown = {'altitude', 'speed', 'airspeed'}
     angles = _present(trajectory, ('gamma', 'alpha', 'beta', 'bank', 'phi', 'theta'))
-    groups.append(_group('angles', _listing(angles), [_series(trajectory, a) for a in angles]))
     track = _present(trajectory, ('track', 'psi'))
+    if 'alpha' in trajectory and not {'theta', 'qw'} & {*trajectory.states}:
+        # of a point mass they say nothing that gamma, alpha, track and bank do not
+        angles = [name for name in angles if name not in ('phi', 'theta')]
+        track = [name for name in track if name != 'psi']
+    groups.append(_group('angles', _listing(angles), [_series(trajectory, a) for a in angles]))
     turns = [
         Series(name, np.mod(trajectory[name] * DEG, 360.0))  # a compass reads 0 to 360
         for name in track
@@ -118,18 +131,27 @@ def plot_groups(trajectory: Trajectory, motion: Motion) -> list[Group]:
     load = _present(trajectory, ('load_factor',))
     groups.append(_group('load_factor', 'Load factor', [_series(trajectory, a) for a in load]))
     shown |= {*angles, *track, *rates, *load}
-    by_unit: dict[str, list[str]] = {}
-    for name in trajectory.controls:
-        if name not in shown:
-            by_unit.setdefault(unit_of(name)[0], []).append(name)
-    for i, names in enumerate(by_unit.values()):
-        key = 'controls' if i == 0 else f'controls_{i + 1}'
-        groups.append(_group(key, _listing(names), [_series(trajectory, a) for a in names]))
+    forces = _present(trajectory, ('lift', 'drag'))
+    others = [name for name in trajectory.states if name not in _MOTION]
+    for kind, columns in (('controls', trajectory.controls), ('states', others)):
+        by_unit: dict[str, list[str]] = {}
+        for name in columns:
+            if name not in shown:
+                by_unit.setdefault(unit_of(name)[0], []).append(name)
+        for i, names in enumerate(by_unit.values()):
+            key = kind if i == 0 else f'{kind}_{i + 1}'
+            groups.append(_group(key, _listing(names), [_series(trajectory, a) for a in names]))
+    groups.append(_group('forces', 'Lift, drag', [_series(trajectory, a) for a in forces]))
     return [group for group in groups if group.series]
 
 
 def _present(trajectory: Trajectory, names: Iterable[str]) -> list[str]:
-    return [name for name in names if name in trajectory]
+    return [
+        name
+        for name in names
+        if name in trajectory
+        and (name not in trajectory.outputs or np.abs(trajectory.outputs[name]).max() > NOTHING)
+    ]
 
 
 def _listing(names: list[str]) -> str:

@@ -41,6 +41,7 @@ PANELS = (
 TAIL = 0.002
 """So large a share of samples at either end of a range may lie outside the axes, if that makes
 the rest three times as large; it is said how many do."""
+FIRST_YEAR = 1980
 SAME_NS = 1000  # a sample's time comes back from seconds to so many nanoseconds
 _MARKS: dict[str, Any] = {'ls': '', 'marker': 'x', 'color': ALARM, 'zorder': 5}
 _MANY = 100  # marks, which then are small
@@ -93,7 +94,8 @@ def _when(trajectory: Trajectory) -> str:
     if not trajectory.start_ns:
         return ''
     start = datetime.fromtimestamp(float(trajectory.unix_ns[0]) / 1e9, UTC)
-    return f'from {start:%Y-%m-%d %H:%M:%S} UTC'
+    # clocks that count from a vehicle's start say 1970: no position was recorded before GPS
+    return f'from {start:%Y-%m-%d %H:%M:%S} UTC' if start.year >= FIRST_YEAR else ''
 
 
 def _wind(about: About) -> str:

@@ -1,14 +1,16 @@
 """Write a flight as a Rerun recording (.rrd) that opens ready to play."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..config import suggestion
 from ..environment.surroundings import Surroundings
-from ..errors import MissingExtraError
+from ..errors import InputError, MissingExtraError
 from ..files import written_whole
 from ..trajectory import Trajectory
 from ..vehicles.geometry import load_geometry
@@ -33,6 +35,7 @@ from .view_legend import log_legend
 from .view_map import log_plain_track, log_position, log_track
 from .view_plots import log_events, log_lane, log_lines
 from .view_scene import (
+    log_axes,
     log_curtain,
     log_ground,
     log_line,
@@ -57,7 +60,11 @@ except ImportError as error:
 
 Array = NDArray[np.float64]
 
-MAX_ROWS = 250_000
+MAX_ROWS = 200_000
+AXES = ('axes', 'earth axes')
+PARTS = (*AXES, 'path', 'curtain', 'ground', 'grid', 'ghosts', 'arrows', 'uncertainty')
+"""What of the 3D view can be left out."""
+
 SMALLEST_MAP = 20.0  # m; a shorter flight is one dot on a map
 
 
@@ -73,6 +80,8 @@ def save_rrd(
     events: Sequence[Event] = (),
     lanes: Sequence[Lane] = (),
     properties: Mapping[str, Any] | None = None,
+    vehicles: int | None = None,
+    hidden: Collection[str] = AXES,
     max_rows: int = MAX_ROWS,
 ) -> None:
     """Write a flight as a Rerun recording with its layout.
@@ -99,16 +108,21 @@ def save_rrd(
         Phases and the like, shown with the stretches of an interrupted flight.
     properties : mapping of name to value
         Figures of the run (solver times, objective ...) to keep with the recording.
+    vehicles : int
+        How many are drawn along the path, if not as many as fit.
+    hidden : names among `PARTS`
+        What is left out; unless given, the axes of the vehicle and of the earth.
     max_rows : int
         Of a longer flight about this many samples are sent, with every extreme among them; the
-        summary says so. 250 000 make some 80 MB.
+        summary says so. 200 000 make some 80 MB.
 
     Raises
     ------
     MissingExtraError
         If rerun-sdk is not installed (on import of this module).
     InputError
-        If there is nothing of the name `color`, or the vehicle's mesh cannot be read.
+        If there is nothing of the name `color` or one in `hidden`, or the vehicle's mesh cannot
+        be read.
     OSError
         If the file cannot be written.
 
@@ -119,9 +133,24 @@ def save_rrd(
     vehicle at its true size would be under 4 % of the scene, the overview and the ghosts show it
     enlarged to that; the chase view is always to scale.
     """
-    recorder = _Recorder(flight, planned, name, max_rows, color, surroundings, geometry)
+    for part in hidden:
+        if part not in PARTS:
+            raise InputError(f"there is no '{part}' to hide{suggestion(part, PARTS)}")
+    look = _Look(color, surroundings or Surroundings(), geometry, vehicles, hidden)
+    recorder = _Recorder(flight, planned, name, max_rows, look)
     with written_whole(path) as temporary:
         recorder.write(str(temporary), events, lanes, properties or {})
+
+
+@dataclass(frozen=True)
+class _Look:
+    """What is drawn and how, as `save_rrd` is asked."""
+
+    color: str
+    surroundings: Surroundings
+    geometry: Mapping[str, Any] | None
+    vehicles: int | None
+    hidden: Collection[str]
 
 
 class _Recorder:
@@ -131,10 +160,9 @@ class _Recorder:
         planned: Trajectory | None,
         name: str,
         max_rows: int,
-        color: str,
-        surroundings: Surroundings | None,
-        geometry: Mapping[str, Any] | None,
+        look: _Look,
     ) -> None:
+        self.look = look
         self.flight = thinned(flight, max_rows)
         self.motion = motion_of(self.flight)
         self.planned = planned = None if planned is None else thinned(planned, max_rows)
@@ -144,13 +172,10 @@ class _Recorder:
         words = [flight.vehicle, flight.problem]
         self.title = name or ' '.join(word for word in words if word) or 'flight'
         self.deviation = self._deviation()
-        self.coloring = coloring_of(self.flight, self.motion, color, deviation=self.deviation)
-        self.surroundings = surroundings or Surroundings()
-        geometry = load_geometry(flight.vehicle) if geometry is None else geometry
+        self.coloring = coloring_of(self.flight, self.motion, look.color, deviation=self.deviation)
+        geometry = load_geometry(flight.vehicle) if look.geometry is None else look.geometry
         # a log seldom says what flew, but its name often does
-        self.shape = mesh_for(
-            flight.vehicle or self.title, geometry=geometry, scene_size=self.motion.size
-        )
+        self.shape = mesh_for(flight.vehicle or self.title, geometry=geometry, motion=self.motion)
         self.notes = [f'path coloured by {self.coloring.note}']
         if self.flight is not flight:
             text = f'{len(self.flight)} of {len(flight)} samples are in this recording'
@@ -165,14 +190,16 @@ class _Recorder:
         properties: Mapping[str, Any],
     ) -> None:
         flight, motion, rec = self.flight, self.motion, self.rec
+        surroundings, hidden = self.look.surroundings, self.look.hidden
         size = self.shape.size
         enlarged = max(1.0, scenery.SCENE_SHARE * motion.size / size)
         shown = self.shape.scaled(enlarged)
         ground = scenery.ground_altitude(flight, motion)
+        on_earth = flight.origin is not None
+        ground_z = scenery.ground_level(motion, ground, round_earth=on_earth)
         # The lowest vehicle stands on the ground, not in it.
-        lowest = int(np.argmin(motion.altitude))
-        ground_z = motion.position[lowest, 2] + motion.altitude[lowest] - ground
-        grid = scenery.ground_grid(motion, ground_z + 0.3 * min(shown.size, 0.1 * motion.size))
+        under = ground_z + 0.3 * min(shown.size, 0.1 * motion.size)
+        grid = scenery.ground_grid(motion, under, round_earth=on_earth)
         groups = plot_groups(flight, motion)
         if self.deviation is not None:
             series = Series('distance from plan', self.deviation[1])
@@ -196,22 +223,32 @@ class _Recorder:
                 rec.send_property('run', rr.AnyValues(**flat(properties)))
             clock = self._clock(flight)
             log_world(rec)
-            log_path(rec, 'world/path/flown', motion, self.coloring)
+            if 'path' not in hidden:
+                log_path(rec, 'world/path/flown', motion, self.coloring)
             log_legend(rec, self.coloring)
-            if self.surroundings.terrain is None:
-                log_curtain(rec, motion, self.coloring, ground)
-                log_ground(rec, grid)
-                self.notes.append(f'ground grid of {grid.spacing:g} m')
+            if surroundings.terrain is None:
+                if 'curtain' not in hidden:
+                    log_curtain(rec, motion, self.coloring, ground)
+                if 'ground' not in hidden:
+                    log_ground(rec, grid, lines='grid' not in hidden)
+                    self.notes.append(f'ground grid of {grid.spacing:g} m')
             reach = float(min(ground, motion.altitude.min())), float(motion.altitude.max())
-            note = log_surroundings(rec, self.surroundings, reach=reach, origin=flight.origin)
+            note = log_surroundings(rec, surroundings, reach=reach, origin=flight.origin)
             self.notes += [note] if note else []
-            if log_tube(rec, motion):
+            if 'uncertainty' not in hidden and log_tube(rec, motion):
                 self.notes.append('blue tube: 1-sigma of the position')
-            log_vehicles_along(rec, motion, shown)
+            if 'ghosts' not in hidden:
+                log_vehicles_along(rec, motion, shown, self.look.vehicles)
             log_vehicle(rec, 'world/vehicle', clock, motion, self.shape, enlarged)
-            arrows = arrows_of(flight, motion)
-            self.notes += log_arrows(rec, 'world/vehicle', clock, arrows, size)
-            log_uncertainty(rec, clock, motion)
+            if 'arrows' not in hidden:
+                arrows = arrows_of(flight, motion)
+                self.notes += log_arrows(rec, 'world/vehicle', clock, arrows, size)
+            if 'uncertainty' not in hidden:
+                log_uncertainty(rec, clock, motion)
+            if 'axes' not in hidden:
+                log_axes(rec, 'world/vehicle/axes', shown.size)
+            if 'earth axes' not in hidden:
+                log_axes(rec, 'world/earth_axes', 0.2 * motion.size)
             log_chase(rec, 'world/chase', clock, motion)
             self._plan(shown, groups)
             if lat_lon is not None:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from ..environment.surroundings import Surroundings
 from .events import Event, Lane
 
 FIGURES = (
@@ -47,6 +48,18 @@ def run_events(document: Mapping[str, Any], start: float = 0.0) -> list[Event]:
             if flight.get('takeoff' if key == 'start' else 'landing'):
                 events.append(Event(float(flight[key]), f'{text}, flight {number}'))
     return events
+
+
+def run_surroundings(document: Mapping[str, Any]) -> Surroundings | None:
+    """Return what stands around a plan, None if nothing does.
+
+    Raises
+    ------
+    InputError
+        If the document's `surroundings` are not such.
+    """
+    found = document.get('surroundings')
+    return Surroundings.from_dict(found) if found else None
 
 
 def run_lanes(document: Mapping[str, Any]) -> list[Lane]:

@@ -18,6 +18,7 @@ MAX_PATH_STRIPS = 1_000  # the viewer's time to the first picture grows with str
 MAX_CURTAIN_POINTS = 6_000
 MAX_TUBE_POINTS = 20_000
 TUBE_SIDES = 8
+EARTH_RADIUS = 6_371_000.0  # m, mean
 SCENE_SHARE = 0.04  # a vehicle drawn this large against the scene can be seen and read
 FIELD_OF_VIEW = np.radians(55.0)  # the viewer's own, vertical
 
@@ -152,15 +153,31 @@ def nice_step(value: float) -> float:
 
 @dataclass(frozen=True)
 class Ground:
-    """A level grid: line ends (n, 2, 3), spacing [m], corners (4, 3) of the plane below it."""
+    """A grid on the ground: lines (n, k, 3), its spacing [m], and the surface just below it."""
 
     lines: Array
     spacing: float
-    corners: Array
+    vertices: Array
+    triangles: NDArray[np.uint32]
 
 
-def ground_grid(motion: Motion, z_e: float) -> Ground:
-    """Return a grid under the whole flight, lines on whole multiples of a round spacing."""
+def ground_level(motion: Motion, ground: float, *, round_earth: bool = False) -> float:
+    """Return z_e at the origin [m] of a ground of some altitude [m].
+
+    Below the lowest sample it is as far away as the altitudes say.
+    """
+    lowest = int(np.argmin(motion.altitude))
+    x, y, z = motion.position[lowest]
+    fall = (x**2 + y**2) / (2 * EARTH_RADIUS) if round_earth else 0.0
+    return float(z + motion.altitude[lowest] - ground - fall)
+
+
+def ground_grid(motion: Motion, z_e: float, *, round_earth: bool = False) -> Ground:
+    """Return a grid under the whole flight, lines on whole multiples of a round spacing.
+
+    On a round earth it falls away from the tangent plane of the local axes, so that a flight of
+    hundreds of kilometres is nowhere below it.
+    """
     low, high = motion.bounds
     extent = max(float((high - low)[:2].max()), 0.35 * motion.size, 1e-3)
     spacing = nice_step(extent / 9)
@@ -169,20 +186,29 @@ def ground_grid(motion: Motion, z_e: float) -> Ground:
     stop = np.ceil((high[:2] + margin) / spacing) * spacing
     x = np.arange(start[0], stop[0] + spacing / 2, spacing)
     y = np.arange(start[1], stop[1] + spacing / 2, spacing)
-    lines = [[(xi, start[1], z_e), (xi, stop[1], z_e)] for xi in x]
-    lines += [[(start[0], yi, z_e), (stop[0], yi, z_e)] for yi in y]
-    # Just under the lines, or the two fight for the same pixels.
-    low_z = z_e + 0.002 * extent
-    corners = [(start[0], start[1]), (stop[0], start[1]), (stop[0], stop[1]), (start[0], stop[1])]
-    return Ground(np.array(lines), spacing, np.array([(a, b, low_z) for a, b in corners]))
+    level_x, level_y = np.meshgrid(x, y, indexing='ij')
+    fall = (level_x**2 + level_y**2) / (2 * EARTH_RADIUS) if round_earth else 0.0 * level_x
+    points = np.stack([level_x, level_y, z_e + fall], axis=-1)
+    # straight lines and faces between the grid's points, or the two would cross
+    lines = [points[i] for i in range(x.size)] + [points[:, j] for j in range(y.size)]
+    longest = max(x.size, y.size)
+    full = [np.concatenate([line, np.repeat(line[-1:], longest - len(line), 0)]) for line in lines]
+    surface = points.copy()
+    surface[..., 2] += 0.002 * extent  # just under the lines, or the two fight for the same pixels
+    a = (np.arange(x.size - 1)[:, None] * y.size + np.arange(y.size - 1)).ravel()
+    halves = (a, a + y.size, a + 1), (a + 1, a + y.size, a + y.size + 1)
+    triangles = np.concatenate([np.stack(half, axis=1) for half in halves])
+    return Ground(np.array(full), spacing, surface.reshape(-1, 3), triangles.astype(np.uint32))
 
 
-def ghost_samples(motion: Motion, size: float) -> NDArray[np.intp]:
+def ghost_samples(motion: Motion, size: float, count: int | None = None) -> NDArray[np.intp]:
     """Return samples at which to draw the vehicle, spread over time and distance alike.
 
-    There are at most 16, fewer where vehicles of this size [m] would overlap.
+    Unless a count is given there are at most 16, fewer where vehicles of this size [m] would
+    overlap.
     """
-    count = int(np.clip(motion.arc_length[-1] / (1.1 * size), 5, 16))
+    if count is None:
+        count = int(np.clip(motion.arc_length[-1] / (1.1 * size), 5, 16))
     share = np.linspace(0, 1, len(motion.time))
     if motion.arc_length[-1] > 0:
         elapsed = motion.time - motion.time[0]

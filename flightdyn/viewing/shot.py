@@ -142,7 +142,7 @@ def _headless(recordings: Sequence[str | Path], size: tuple[int, int]) -> Iterat
             raise InputError(f'no file {file}')
     with tempfile.TemporaryDirectory(prefix='flightdyn-view-') as home:
         log = Path(home, 'log')
-        port = _free_port()
+        port = free_port()
         with log.open('wb') as output:
             process = subprocess.Popen(
                 [
@@ -192,7 +192,8 @@ def viewer_environment(home: str | Path) -> dict[str, str]:
     return {**defaults, **os.environ, **own}
 
 
-def _free_port() -> int:
+def free_port() -> int:
+    """Return a port of this machine that nothing listens on."""
     with socket.socket() as probe:
         probe.bind(('127.0.0.1', 0))
         return int(probe.getsockname()[1])

@@ -1,6 +1,7 @@
 """Solids that low-poly vehicles are made of, in body axes (forward, right, down) and metres."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ DARK: Color = (44, 50, 62)
 RED: Color = (214, 58, 52)
 GREEN: Color = (44, 168, 92)
 ORANGE: Color = (240, 140, 40)
+BALL: Color = (150, 190, 255)
 BLUE: Color = (86, 156, 232)
 
 
@@ -157,3 +159,11 @@ def fin(root: Point, tip: Point, chord_root: float,
         for at, chord in ((root, chord_root), (tip, chord_tip))
     ]
     return loft(rings, color)
+
+
+@cache
+def sphere() -> Mesh:
+    """Return a ball of radius 1."""
+    angle = np.linspace(0, np.pi, 13)
+    rings = [(float(np.cos(a)), max(float(np.sin(a)), 0.01)) for a in angle]
+    return join([body(rings, BALL)])

@@ -53,12 +53,15 @@ def draw_ground(ax: Axes, surroundings: Surroundings, scale: float) -> None:
             ax.add_patch(Polygon(corners * scale, **look))
             north, east = np.mean(each.corners, axis=0)
         _name(ax, each.name, east * scale, north * scale, _KEEP_OUT, middle=True)
+    named: dict[tuple[float, float], list[str]] = {}
     for gate in surroundings.gates:
         north, east, _ = gate.centre
         aside = gate.width / 2 * np.array([np.cos(gate.heading), -np.sin(gate.heading)])
         ends = (np.array([[east], [north]]) + np.outer(aside, [-1, 1])) * scale
         ax.plot(*ends, color=_GATE, lw=3, solid_capstyle='butt', zorder=2)
-        _name(ax, gate.name, east * scale, north * scale, _GATE)
+        named.setdefault((east, north), []).append(gate.name)
+    for (east, north), names in named.items():  # gates can stand one above the other
+        _name(ax, ', '.join(names), east * scale, north * scale, _GATE)
     for mark in surroundings.marks:
         north, east, _ = mark.place
         ax.plot(east * scale, north * scale, '^', color='black', ms=5, zorder=2)
@@ -73,7 +76,7 @@ def draw_ground(ax: Axes, surroundings: Surroundings, scale: float) -> None:
 def draw_below(
     ax: Axes, surroundings: Surroundings, motion: Motion, along: Array, factor: float
 ) -> None:
-    """Draw the ground under a flight, and the gates where it comes nearest to them.
+    """Draw the ground under a flight, the clearance it keeps, and gates where it is nearest.
 
     Parameters
     ----------
@@ -90,6 +93,9 @@ def draw_below(
             ax.fill_between(
                 along[part], foot * factor, ground[part] * factor, color=_GROUND_COLOR, lw=0
             )
+            if surroundings.terrain.clearance > 0:
+                least = (ground[part] + surroundings.terrain.clearance) * factor
+                ax.plot(along[part], least, color=MUTED, ls=(0, (5, 4)), lw=0.9, zorder=1)
         ax.set_ylim(bottom=foot * factor)
     for gate in surroundings.gates:
         apart = np.linalg.norm(motion.position - np.array(gate.centre) * [1, 1, -1], axis=1)

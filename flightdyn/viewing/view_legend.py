@@ -18,7 +18,10 @@ def log_legend(rec: rr.RecordingStream, coloring: Coloring) -> None:
     row = color_map(np.linspace(0, 1, WIDTH))
     rec.log('legend/strip', rr.Image(np.repeat(row[None], HEIGHT, axis=0)), static=True)
     shares = np.linspace(0, 1, 5)
-    figures = [f'{coloring.low + s * (coloring.high - coloring.low):.3g}' for s in shares]
+    span = coloring.high - coloring.low
+    values = [coloring.low + s * span for s in shares]
+    # what is nothing beside the range is 0, not 1e-11
+    figures = [f'{v:.3g}' if abs(v) > 1e-3 * span else '0' for v in values]
     figures[2] = f'{coloring.name} {figures[2]} {coloring.unit}'
     ticks = rr.Points2D(
         np.column_stack([shares * WIDTH, np.full(5, HEIGHT)]),

@@ -89,20 +89,28 @@ def log_tube(rec: rr.RecordingStream, motion: Motion) -> bool:
     return True
 
 
-def log_ground(rec: rr.RecordingStream, grid: scenery.Ground) -> None:
-    """Log a level ground with a grid."""
-    lines = rr.LineStrips3D(grid.lines, colors=[GRID], radii=rr.Radius.ui_points(0.6))
-    rec.log('world/ground/grid', lines, static=True)
+def log_axes(rec: rr.RecordingStream, entity: str, length: float) -> None:
+    """Log the axes of an entity, x red, y green, z blue, with a length [m]."""
+    rec.log(entity, rr.TransformAxes3D(axis_length=length), static=True)
+
+
+def log_ground(rec: rr.RecordingStream, grid: scenery.Ground, *, lines: bool = True) -> None:
+    """Log a level ground, with the lines of a grid or without."""
+    if lines:
+        drawn = rr.LineStrips3D(grid.lines, colors=[GRID], radii=rr.Radius.ui_points(0.6))
+        rec.log('world/ground/grid', drawn, static=True)
     plane = rr.Mesh3D(
-        vertex_positions=grid.corners,
-        triangle_indices=[[0, 1, 2], [0, 2, 3]],
-        vertex_colors=[SOIL] * 4,
+        vertex_positions=grid.vertices,
+        triangle_indices=grid.triangles,
+        vertex_colors=np.tile(np.array(SOIL, np.uint8), (len(grid.vertices), 1)),
     )
     rec.log('world/ground/plane', plane, static=True)
 
 
-def log_vehicles_along(rec: rr.RecordingStream, motion: Motion, shape: Mesh | MeshFile) -> None:
-    """Log translucent vehicles at intervals of the path."""
-    index = scenery.ghost_samples(motion, shape.size)
+def log_vehicles_along(
+    rec: rr.RecordingStream, motion: Motion, shape: Mesh | MeshFile, count: int | None = None
+) -> None:
+    """Log translucent vehicles at intervals of the path, as many as fit unless given."""
+    index = scenery.ghost_samples(motion, shape.size, count)
     poses = motion.position[index], motion.attitude[index]
     log_ghosts(rec, 'world/ghosts', shape, poses=poses)

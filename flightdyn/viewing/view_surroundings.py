@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from ..environment.geodesy import GeodeticPoint, geodetic_from_ned
 from ..environment.surroundings import Cylinder, Gate, Mark, Polygon, Surroundings, Terrain
 from ..errors import MissingExtraError
+from .archetypes import path_part
 
 try:
     import rerun as rr
@@ -133,7 +134,7 @@ def _log_volume(
         vertex_colors=[KEEP_OUT] * (2 * n),
         albedo_factor=[255, 255, 255, 70],
     )
-    entity = f'world/keep_out/{_part(volume.name)}'
+    entity = f'world/keep_out/{path_part(volume.name)}'
     rec.log(entity, mesh, static=True)
     edges = rr.LineStrips3D(
         [np.concatenate([low, low[:1]]), np.concatenate([high, high[:1]])],
@@ -160,7 +161,7 @@ def _log_gate(rec: rr.RecordingStream, gate: Gate) -> None:
         radii=[0.02 * max(gate.width, gate.height)],
         labels=[gate.name],
     )
-    rec.log(f'world/gates/{_part(gate.name)}', frame, static=True)
+    rec.log(f'world/gates/{path_part(gate.name)}', frame, static=True)
 
 
 def _log_marks(rec: rr.RecordingStream, marks: Sequence[Mark]) -> None:
@@ -213,8 +214,3 @@ def _log_on_map(
                 radii=rr.Radius.ui_points(5.0),
             )
             rec.log(entity, points, static=True)
-
-
-def _part(name: str) -> str:
-    """Return a name as one part of an entity path."""
-    return name.replace('/', '_').replace(' ', '_')

@@ -10,7 +10,7 @@ from .archetypes import MARKED, Clock, log_body, log_ghosts, send, xyzw
 from .arrows import Arrow
 from .kinematics import Motion, level_attitude
 from .mesh_files import MeshFile
-from .solids import Mesh
+from .solids import Mesh, sphere
 
 try:
     import rerun as rr
@@ -92,15 +92,20 @@ def log_uncertainty(rec: rr.RecordingStream, clock: Clock, motion: Motion) -> No
         return
     place = motion.position.astype(np.float32)
     half = np.maximum(motion.sigma, 1e-6).astype(np.float32)
-    look = rr.Ellipsoids3D.from_fields(
-        colors=[[150, 190, 255, 60]], fill_mode=rr.components.FillMode.Solid
+    # a mesh can be translucent, the viewer's own ellipsoids cannot
+    ball = sphere()
+    look = rr.Mesh3D(
+        vertex_positions=ball.vertices,
+        vertex_normals=ball.normals,
+        vertex_colors=ball.colors,
+        albedo_factor=[255, 255, 255, 35],
     )
     rec.log('world/sigma', look, static=True)
     send(
         rec,
         'world/sigma',
         clock,
-        lambda rows: rr.Ellipsoids3D.columns(centers=place[rows], half_sizes=half[rows]),
+        lambda rows: rr.Transform3D.columns(translation=place[rows], scale=half[rows]),
     )
 
 

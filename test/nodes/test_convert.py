@@ -12,6 +12,7 @@ from flightdyn import frames  # noqa: E402
 from flightdyn.environment.geodesy import GeodeticPoint  # noqa: E402
 from flightdyn.errors import InputError, ResultCode  # noqa: E402
 from flightdyn.nodes import convert  # noqa: E402
+from flightdyn.nodes.sim_watch import Event  # noqa: E402
 from flightdyn.planning.report import PlanReport  # noqa: E402
 from flightdyn.trajectory import Trajectory  # noqa: E402
 from flightdyn_msgs.msg import NamedBounds  # noqa: E402
@@ -241,3 +242,43 @@ def test_report() -> None:
 def test_attitude_survives_both_ways() -> None:
     q_eb = frames.quaternion_from_euler(0.1, 0.2, 0.3)
     assert frames.ned_attitude_from_ros(frames.ros_attitude_from_ned(q_eb)) == pytest.approx(q_eb)
+
+
+def test_a_noisy_fix_is_off_and_says_by_how_much() -> None:
+    origin = GeodeticPoint(50.0, 10.0, 100.0)
+    exact = convert.fix_of(motion(), NS, origin)
+    noisy = convert.fix_of(motion(), NS, origin, (10.0, -20.0, 5.0), (1.0, 2.0, 3.0))
+    assert exact.position_covariance_type == exact.COVARIANCE_TYPE_UNKNOWN
+    assert noisy.position_covariance_type == noisy.COVARIANCE_TYPE_DIAGONAL_KNOWN
+    # east, north, up
+    assert list(noisy.position_covariance) == [4.0, 0, 0, 0, 1.0, 0, 0, 0, 9.0]
+    # a degree of latitude is 111.2 km there, one of longitude 71.7 km
+    assert (noisy.latitude - exact.latitude) * 111_229 == pytest.approx(10.0, abs=0.01)
+    assert (noisy.longitude - exact.longitude) * 71_697 == pytest.approx(-20.0, abs=0.02)
+    assert noisy.altitude - exact.altitude == pytest.approx(-5.0, abs=1e-3)
+
+
+def test_a_noisy_imu_says_by_how_much() -> None:
+    imu = convert.imu_msg(motion(), NS, (1.0, 2.0, 3.0), (0.5, 0.1))
+    assert list(imu.linear_acceleration_covariance) == [0.25, 0, 0, 0, 0.25, 0, 0, 0, 0.25]
+    assert list(imu.angular_velocity_covariance)[::4] == pytest.approx([0.01] * 3)
+
+
+def test_an_event_has_its_kind_and_angles_in_radians() -> None:
+    event = Event('limit_left', 2.5, 'alpha of 20 is beyond the limit', 'alpha', 20.0, 15.0)
+    message = convert.event_msg(event, NS)
+    assert message.kind == message.LIMIT_LEFT
+    assert convert.nanoseconds(message.header.stamp) == NS
+    assert (message.time, message.quantity) == (2.5, 'alpha')
+    assert (message.value, message.limit) == pytest.approx((math.radians(20), math.radians(15)))
+
+
+@pytest.mark.parametrize(
+    'kind',
+    [
+        *('ground_contact', 'limit_left', 'limit_kept', 'controls_timed_out', 'plan_ended'),
+        *('run_began', 'diverged', 'recording_ended'),
+    ],
+)
+def test_every_kind_of_event_has_a_number(kind: str) -> None:
+    assert convert.event_msg(Event(kind, 0.0, ''), NS).kind > 0

@@ -249,6 +249,7 @@ def test_slow_machine_makes_time_slower_instead_of_falling_behind() -> None:
     bench.wall = 2.0  # the process was held up for two seconds
     bench.core.tick()
     late = bench.times[-1]
+    assert late <= 0.2 + 1e-9
     bench.pass_time(0.1)
     assert bench.times[-1] - late <= 0.2 + 1e-9
 
@@ -326,6 +327,20 @@ def test_plans_for_another_time_are_not_joined(start: float, message: str) -> No
     bench = Bench(start=begun(False), new_plan='join')
     with pytest.raises(InputError, match=message):
         bench.core.fly(replace(whole(5.0), start_ns=EPOCH + int(start * 1e9)))
+
+
+def test_a_flight_that_waits_takes_a_plan_of_another_clock_for_now() -> None:
+    bench = Bench(start=begun(x_e=1.0), new_plan='join')
+    bench.core.fly(replace(whole(5.0), start_ns=7))
+    bench.pass_time(0.2)
+    assert bench.times == pytest.approx([0, 0.1, 0.2])
+
+
+def test_a_flight_that_waits_flies_neutral_controls_until_the_plan_begins() -> None:
+    bench = Bench(start=begun(x_e=1.0), new_plan='join')
+    bench.core.fly(replace(whole(5.0), start_ns=EPOCH + 150_000_000))
+    bench.pass_time(0.2)
+    assert [s.controls['thrust_left'] for s in bench.samples] == [0, 0, HOVER, HOVER]
 
 
 def test_plans_of_other_vehicles_are_not_joined() -> None:

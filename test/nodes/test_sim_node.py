@@ -287,7 +287,7 @@ def test_the_flip_is_tracked_by_a_heavier_quadcopter(ros: None, session: Session
     """Promised: 5 cm and 5 degrees with 5 % of error in mass and inertia."""
     reserve = [f'path.thrust_{side}=[0.05, 0.95]' for side in ('left', 'right')]
     plan = Planner().plan(load_problem(FLIP, reserve)).trajectory
-    heavier = 'mass=0.105 inertia.Iyy=0.000525'
+    heavier = 'mass=0.105; inertia.Iyy=0.000525'
     with flying(session, trajectory_msg(plan), '/h', vehicle_settings=heavier) as flight:
         sim, states, events = flight
         ended(events)

@@ -1,4 +1,4 @@
-"""Problems of gliders, jets and UAVs: found again from whatever guess, whoever flies them."""
+"""Problems of gliders, jets, UAVs and wingsuits: found again from other guesses."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,10 @@ from flightdyn.planning.planner import Planner
 from flightdyn.planning.problem_file import load_problem
 from flightdyn.planning.remedies import perturbed
 
-NAMES = ('dynamic_soaring', 'glider_thermal_transfer', 'cruise_climb', 'uav_return_home')
+NAMES = (
+    *('dynamic_soaring', 'glider_thermal_transfer', 'cruise_climb', 'uav_return_home'),
+    'wingsuit_race',
+)
 
 
 @pytest.mark.slow

@@ -57,6 +57,40 @@ def test_open_loop_scenario_ends_where_dop853_does() -> None:
     assert -flown['z_e'].min() == pytest.approx(1.3164349673638729, abs=1e-4)
 
 
+def test_a_scenario_drifts_and_rises_with_its_wind(tmp_path: Path) -> None:
+    """A feather goes where the air goes: shear from the west, and a thermal on top of it."""
+    (tmp_path / 'vehicles').mkdir()
+    (tmp_path / 'vehicles' / 'feather.yaml').write_text("""
+model: DynamicsPointMass3DCartesian
+mass: 0.02
+gravity: 0.001
+controls: {alpha: [0, 10], beta: [0, 0], bank: [0, 0]}
+aerodynamics: {kind: polar, area: 1, span: 1, CL_alpha: 0, CD0: 1, k: 0}
+""")
+    path = tmp_path / 'drift.yaml'
+    path.write_text("""
+vehicle: feather
+duration: 4
+initial: {z_e: -100}
+controls: {alpha: 0, beta: 0, bank: 0}
+max_step: 0.001
+rate: 10
+wind:
+  - {kind: shear, gradient: 0.1, from: 270 deg}
+  - {kind: thermal, x: 0, y: 0, updraft: 2, radius: 1000}
+""")
+    scenario = load_scenario(str(path), tmp_path)
+    flown = fly(scenario.simulator(), scenario.duration, scenario.rate)
+    last = {name: float(values[-1]) for name, values in flown.states.items()}
+    # quadratic drag lets 0.04 m/s be left after 4 s, and 0.08 m/s where the shear speeds it up
+    assert last['w_e'] == pytest.approx(-2, abs=0.05)
+    assert last['v_e'] == pytest.approx(0.1 * -last['z_e'], rel=0.02)
+    assert abs(last['x_e']) < 1e-6
+    path.write_text(path.read_text().replace('gradient: 0.1, ', ''))
+    with pytest.raises(InputError, match=r"drift.yaml: wind\[0\]: 'gradient' is missing"):
+        load_scenario(str(path), tmp_path)
+
+
 def test_rk4_converges_with_fourth_order() -> None:
     # q = 0 and equal thrusts would be integrated exactly; the spin makes the problem hard enough
     x0, u, p = [0, 0, 3, 1, 0.3, 8.0], [0.9, 0.2], [0, 0, 0, 0]

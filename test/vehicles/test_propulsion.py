@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 from vehicle_making import check_first_derivatives, derivatives, evaluated, vehicle_of
 
 from flightdyn.dynamics import DynamicsPointMass3DCartesian
+from flightdyn.environment.noise import propeller_level
 from flightdyn.errors import InputError
 from flightdyn.vehicles.propeller import ActuatorDisc, MeasuredPropeller
 from flightdyn.vehicles.vehicle import load_vehicle
@@ -239,6 +240,7 @@ def test_bad_rockets_are_refused(tmp_path: Path, old: str, new: str, message: st
         ('[0.05, 0.02, -0.06]', '[1, 2, 3, 4]', r'at most three \(up to J\^2\), got 4'),
         ('power_coefficients: [0.05, 0.02, -0.06]', '', "'power_coefficients' is missing"),
         ('diameter: 1.75', 'diameter: 1.75\n  efficiency: 1', 'give either coefficients or'),
+        ('diameter: 1.75', 'diameter: 1.75\n  blades: 1.5', 'blades: must be a whole number'),
     ],
 )
 def test_bad_propellers_are_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
@@ -259,3 +261,25 @@ def test_the_same_source_serves_arrays(tmp_path: Path) -> None:
             DynamicsPointMass3DCartesian(u_e=float(speed)), {'throttle': 0.7}
         )
         assert alone['thrust'] == pytest.approx(thrust)
+
+
+@pytest.mark.parametrize(('measured', 'turning'), [(False, 45.0), (True, None)])
+def test_a_propeller_with_blades_is_heard(
+    tmp_path: Path, measured: bool, turning: float | None
+) -> None:
+    coefficients = 'thrust_coefficients: [0.1, -0.1], power_coefficients: [0.05, -0.02]'
+    text = f"""
+model: DynamicsPointMass3DSpeedGammaTrack
+mass: 1000
+propulsion:
+  {{kind: propeller, diameter: 1.9, blades: 2, {coefficients + ',' if measured else ''}
+   engine: {{kind: electric, power: 120.0e+3, rotation: 45}}}}
+"""
+    stage = vehicle_of(tmp_path, text).model().stage()
+    _, outputs = evaluated(stage, speed=40.0, throttle=1.0)
+    rotation = turning or outputs['rotation']
+    tip_mach = np.pi * 1.9 * rotation / 340.294
+    expected = propeller_level(outputs['power'], 1.9, tip_mach, 2)
+    assert outputs['source_level'] == pytest.approx(expected, abs=1e-3)
+    # without power it is quiet, and finite
+    assert np.isfinite(evaluated(stage, speed=40.0)[1]['source_level'])

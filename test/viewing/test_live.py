@@ -84,6 +84,10 @@ def test_samples_plans_and_iterations_arrive(recorder):
     assert sum(len(strip[0]) for strip in trail) == len(flight) + len(trail) - 1
     assert len(rows(data['/world/plan'], 'strips')) == 1
     assert data['/world/iterate']['iteration'] == [0, 1, 2]
+    histories = rows(data['/histories'], 'strips')
+    assert len(histories) == 3
+    # altitude is the first: from 0 to its highest and back, its range filled
+    np.testing.assert_allclose(np.ptp(np.array(histories[0][0])[:, 1]), 1.0, atol=1e-6)
     np.testing.assert_allclose(np.ravel(rows(data['/iterations/final_time'], 'scalars')), 0.8)
     assert 'x_e is not a finite number' in rows(data['/events'], 'text')[0][0]
     assert rows(data['/__properties'], 'name') == [['a test']]

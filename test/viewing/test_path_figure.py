@@ -49,7 +49,10 @@ SURROUNDINGS = Surroundings(
         Cylinder(name='tower', centre=(100.0, 700.0), radius=50.0),
         Polygon(name='village', corners=[(200, 300), (300, 300), (300, 400)]),
     ],
-    gates=[Gate(name='gate', centre=(500.0, 500.0, 110.0), heading=0.0, width=60, height=40)],
+    gates=[
+        Gate(name='gate', centre=(500.0, 500.0, 110.0), heading=0.0, width=60, height=40),
+        Gate(name='above', centre=(500.0, 500.0, 160.0), heading=0.0, width=60, height=40),
+    ],
     marks=[Mark(name='field', place=(0.0, 0.0, 0.0), radius=80.0)],
 )
 
@@ -59,7 +62,7 @@ def test_a_flight_is_seen_from_above_over_what_stands_there() -> None:
     ground = figure.axes[0]
     assert (ground.get_xlabel(), ground.get_ylabel()) == ('y_e, east [m]', 'x_e, north [m]')
     names = {text.get_text() for text in ground.texts}
-    assert {'tower', 'village', 'gate', 'field'} <= names
+    assert {'tower', 'village', 'gate, above', 'field'} <= names
     circles = {tuple(p.center): p.radius for p in ground.patches if hasattr(p, 'radius')}
     assert circles == {(700.0, 100.0): 50.0, (0.0, 0.0): 80.0}  # east, north
     corners = next(p for p in ground.patches if hasattr(p, 'get_xy'))
@@ -109,3 +112,31 @@ def test_a_steep_flight_is_drawn_in_space() -> None:
     np.testing.assert_allclose(path.get_data_3d()[2][[0, -1]], [100, 500])
     assert np.ptp(shadow.get_data_3d()[2]) == 0
     assert 'altitude [m]' in by_label(steep)
+
+
+def test_a_rigid_body_in_space_is_drawn_as_it_is_turned() -> None:
+    t = np.linspace(0, 2, 21)
+    names = ('front', 'rear', 'left')
+    quad = Trajectory(
+        time=t,
+        states={
+            'x_e': 10 * t, 'y_e': t, 'z_e': -5 * t, 'phi': 0 * t, 'theta': 0 * t + np.pi / 2,
+            'psi': 0 * t, 'p': 0 * t,
+        },
+        controls=dict.fromkeys(names, 1 + 1e-6 * np.sin(t)),
+    )  # fmt: skip
+    figure = figures.figure_for(quad)
+    (space,) = (ax for ax in figure.axes if hasattr(ax, 'get_zlabel'))
+    bars = [np.array(line.get_data_3d()) for line in space.lines if line.get_linewidth() == 1.8]
+    assert len(bars) == 3 * 11
+    # nose up: fore and aft is upright, what was up points back to the south
+    fore = np.diff(bars[0], axis=1).ravel()
+    np.testing.assert_allclose(fore, [0, 0, np.linalg.norm(fore)], atol=1e-9)
+    up = np.diff(bars[-1], axis=1).ravel()
+    np.testing.assert_allclose(up, [0, -np.linalg.norm(up), 0], atol=1e-9)
+    # rotors have no unit: three or more share an axis all the same
+    axes = by_label(figure)
+    assert [t.get_text() for t in axes['[-]'].get_legend().get_texts()] == list(names)
+    assert axes['[-]'].get_ylim() == pytest.approx(
+        (0.95, 1.05), rel=1e-5
+    )  # steady, not magnified noise

@@ -1,5 +1,6 @@
 """Flights out of logs: bands, gaps, and what was left out."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,11 @@ def test_a_replay_has_its_histories_with_bands_and_gaps() -> None:
     assert 'wind 6 m/s from 180 deg' in said
     takeoff = [line for line in axes['bank [deg]'].lines if line.get_linestyle() == ':']
     assert [line.get_xdata()[0] for line in takeoff] == [10.0]  # a landing that is not known, none
+
+
+def test_no_date_is_told_of_a_clock_that_counts_from_the_start() -> None:
+    flight = replace(soaring(), start_ns=5_000_000_000)
+    assert '1970' not in figures.replay_figure(flight).get_suptitle()
 
 
 def test_a_compass_does_not_jump_from_360_degrees_to_0() -> None:

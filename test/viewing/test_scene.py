@@ -1,11 +1,14 @@
 """Meshes, path colours, curtain, ground and cameras."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from flights import flip, soaring
 
+from flightdyn.environment.geodesy import GeodeticPoint
+from flightdyn.trajectory import Trajectory
 from flightdyn.viewing import meshes, scenery, solids
 from flightdyn.viewing.blueprint import _value_range
 from flightdyn.viewing.coloring import coloring_of
@@ -41,7 +44,8 @@ def test_sizes_and_sides():
         right = shape.vertices[(shape.colors == solids.GREEN).all(axis=1)]
         assert right[:, 1].min() > 0
         assert shape.vertices[:, 2].min() < -0.5  # the fin is up
-    assert meshes.mesh_for('', scene_size=20.0).size == pytest.approx(1.0)
+    small = replace(motion_of(soaring()), position=motion_of(soaring()).position / 500)
+    assert meshes.mesh_for('', motion=small).size == pytest.approx(0.05 * small.size)
     assert meshes.mesh_for('cessna152').size == pytest.approx(10.2)
 
 
@@ -111,8 +115,27 @@ def test_grid_lies_on_round_numbers_under_the_flight():
     assert grid.spacing in (200.0, 500.0, 1000.0)
     np.testing.assert_allclose(np.mod(grid.lines[:, :, :2] / grid.spacing + 0.5, 1), 0.5)
     low, high = motion.bounds
-    assert (grid.corners[:, :2].min(axis=0) <= low[:2]).all()
-    assert (grid.corners[:, :2].max(axis=0) >= high[:2]).all()
+    assert (grid.vertices[:, :2].min(axis=0) <= low[:2]).all()
+    assert (grid.vertices[:, :2].max(axis=0) >= high[:2]).all()
+    assert np.ptp(grid.lines[..., 2]) == 0
+
+
+def test_a_flight_of_hundreds_of_kilometres_stays_above_the_ground():
+    # the ground was a plane: 400 km away a flight at 8 km is 4 km below it
+    x = np.linspace(0, 400e3, 50)
+    z = -8000 + x**2 / (2 * 6_371e3)
+    flight = Trajectory(
+        time=np.arange(50.0),
+        states={'x_e': x, 'z_e': z},
+        outputs={'altitude': np.full(50, 8300.0)},
+        origin=GeodeticPoint(50.0, 8.0, 300.0),
+    )
+    motion = motion_of(flight)
+    level = scenery.ground_level(motion, 300.0, round_earth=True)
+    assert level == pytest.approx(0.0, abs=1e-6)
+    grid = scenery.ground_grid(motion, level, round_earth=True)
+    under = np.interp(x, grid.lines[-1, :, 0], grid.lines[-1, :, 2])
+    assert (z < under).all()
 
 
 def test_rounding_of_a_constant_is_not_blown_up():
