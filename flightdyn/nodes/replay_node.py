@@ -276,15 +276,20 @@ class ReplayNode(BaseNode):
             player.seek(moment(start_at, flown, now=0.0, end=reel.opened.end))
         self._reel, self._player = reel, player
         self._forget()
+        self._rest = None
         if reel.complete:
-            self._rest = None
             self._report(reel)
         else:
-            self._rest = in_background(lambda: Reel.whole(reel.opened))
             self.get_logger().info(
                 f'the first {len(flown)} of {len(reel.opened.track)} samples can be played; '
                 'the rest is being reconstructed'
             )
+
+    def _seek_rest(self) -> None:
+        """Begin to reconstruct the whole log, once its first samples are on their way."""
+        reel = self._showing
+        if self._rest is None and not reel.complete:
+            self._rest = in_background(lambda: Reel.whole(reel.opened))
 
     def _take_rest(self) -> None:
         """Go on with the whole log as soon as it is there."""
@@ -471,11 +476,9 @@ class ReplayNode(BaseNode):
             return
         self._behind_since = None
         self._enqueue(self._playing.advance())
-        if (
-            self._play_pending()
-            and self._playing.is_finished
-            and self.parameters.values.exit_at_end
-        ):
+        played = self._play_pending()
+        self._seek_rest()
+        if played and self._playing.is_finished and self.parameters.values.exit_at_end:
             self._publish_progress()
             self.get_logger().info('everything was played')
             self.end()

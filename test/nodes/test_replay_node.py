@@ -16,6 +16,7 @@ need_ros()
 from builtin_interfaces.msg import Duration, Time  # noqa: E402
 from lifecycle_msgs.msg import Transition  # noqa: E402
 from lifecycle_msgs.srv import ChangeState  # noqa: E402
+from mcap.writer import Writer  # noqa: E402
 from nav_msgs.msg import Odometry, Path  # noqa: E402
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue  # noqa: E402
 from rcl_interfaces.srv import SetParameters  # noqa: E402
@@ -27,9 +28,9 @@ from std_srvs.srv import Trigger  # noqa: E402
 from flightdyn.logs.messages import (  # noqa: E402
     NAV_SAT_FIX,
     fix_messages,
+    schema_text,
     serialize,
 )
-from flightdyn.logs.recording import McapRecorder  # noqa: E402
 from flightdyn.nodes.base import LATCHED, SENSOR  # noqa: E402
 from flightdyn.nodes.client import Session  # noqa: E402
 from flightdyn.nodes.convert import nanoseconds, time_msg  # noqa: E402
@@ -70,13 +71,19 @@ def write_fixes(path: FilePath, number: int, rate: float) -> None:
     lat = 47 + (north + noise[:, 0]) / DEGREE
     lon = 8 + (east + noise[:, 1]) / DEGREE / np.cos(np.radians(47))
     altitude = 1000 + 100 * np.sin(t / 100) + noise[:, 2]
-    with McapRecorder(path) as recorder:
+    with path.open('wb') as file:
+        writer = Writer(file)  # in chunks of 1 MB, as recorders write them
+        writer.start(profile='ros2')
+        definition = schema_text(NAV_SAT_FIX).encode()
+        schema = writer.register_schema(NAV_SAT_FIX, 'ros2msg', definition)
+        channel = writer.register_channel('/fix', 'cdr', schema)
         for i, values in enumerate(np.stack((lat, lon, altitude), axis=1).tolist()):
             ns = 1_700_000_000 * 10**9 + round(t[i] * 1e9)
             struct.pack_into('<iI', data, 4, ns // 10**9, ns % 10**9)
             for place, value in zip(at, values, strict=True):
                 struct.pack_into('<d', data, place, value)
-            recorder.write('/fix', NAV_SAT_FIX, bytes(data), ns)
+            writer.add_message(channel, ns, bytes(data), ns)
+        writer.finish()
 
 
 class Playback:
