@@ -62,6 +62,9 @@ class McapRecorder:
     metadata : mapping of str to str
         Kept in a metadata record `flightdyn` at the beginning of the file: `vehicle`, `model`,
         `problem`, and `origin_lat`, `origin_lon` [deg], `origin_altitude` [m] of the local frame.
+    live : bool
+        Whether messages come as a flight goes on: then no more than the last half second is lost
+        if the process is killed, at the price of many small chunks.
 
     Raises
     ------
@@ -69,7 +72,14 @@ class McapRecorder:
         If the file cannot be created there.
     """
 
-    def __init__(self, path: str | Path, metadata: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        path: str | Path,
+        metadata: Mapping[str, str] | None = None,
+        *,
+        live: bool = True,
+    ) -> None:
+        self._live = live
         self.path = Path(path)
         if not self.path.parent.is_dir():
             raise InputError(f'cannot record to {path}: there is no folder {self.path.parent}')
@@ -143,7 +153,7 @@ class McapRecorder:
             )
             if self._flushed is None:
                 self._flushed = log_time_ns
-            if abs(log_time_ns - self._flushed) >= FLUSH_EVERY_NS:
+            if self._live and abs(log_time_ns - self._flushed) >= FLUSH_EVERY_NS:
                 self._writer.flush()  # type: ignore[no-untyped-call]
                 self._flushed = log_time_ns
 
@@ -218,7 +228,7 @@ def write_flight_mcap(
         metadata['origin_lon'] = repr(float(trajectory.origin.lon))
         metadata['origin_altitude'] = repr(float(trajectory.origin.altitude))
     motion = kinematics(trajectory)
-    with McapRecorder(path, metadata) as recorder:
+    with McapRecorder(path, metadata, live=False) as recorder:
         # they begin together, whenever the plan was made
         plan = replace(planned or trajectory, start_ns=trajectory.start_ns)
         message = serialize(TRAJECTORY, trajectory_message(plan))
