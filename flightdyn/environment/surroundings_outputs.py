@@ -15,23 +15,6 @@ SOURCE_LEVEL = 'source_level'
 
 TERRAIN = 'height_above_terrain'
 
-
-def output_names(surroundings: Surroundings, *, heard: bool = False) -> tuple[str, ...]:
-    """Return the names of `surroundings_outputs`, in its order.
-
-    Parameters
-    ----------
-    heard : bool
-        Whether the vehicle puts out `source_level`.
-    """
-    return (
-        *([TERRAIN] if surroundings.terrain is not None else []),
-        *(f'clearance_{volume.name}' for volume in surroundings.keep_out),
-        *(f'{gate.name}_{what}' for gate in surroundings.gates for what in GATE_OUTPUTS),
-        *(f'level_{mark.name}' for mark in surroundings.listeners if heard),
-    )
-
-
 GATE_OUTPUTS = ('along', 'aside', 'above', 'through')
 """Of each gate: place from its centre on the way through it, to its right and up [m], and speed
 on the way through it [m/s]."""

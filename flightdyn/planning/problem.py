@@ -35,6 +35,7 @@ from .phase import Phase as Phase
 MAX_STAGES = 16
 MAX_NODES = 5000
 UNBOUNDED = (-math.inf, math.inf)
+QUATERNION = ('qw', 'qx', 'qy', 'qz')
 MAX_PHASES = 50
 MAX_STARTS = 1000
 MAX_SUBSTEPS = 16
@@ -402,6 +403,14 @@ class Problem:
                         f'{self.name}: {said}: [{lower:g}, {upper:g}] lies outside '
                         f'{whose} [{bounds[0]:g}, {bounds[1]:g}]'
                     )
+
+        if group.endswith('final') and all(
+            given.get(name, UNBOUNDED)[0] == given.get(name, UNBOUNDED)[1] for name in QUATERNION
+        ):
+            raise InputError(
+                f'{self.name}: {group}: fixes all of {", ".join(QUATERNION)}: their length is 1 '
+                'by itself: fix three, and say by a range such as qw: [0, null] which of two it is'
+            )
 
     @property
     def _quantities(self) -> tuple[str, ...]:

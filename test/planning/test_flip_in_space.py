@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flightdyn.errors import InputError
 from flightdyn.planning.planner import Planner
 from flightdyn.planning.problem_file import load_problem
 
@@ -50,3 +51,12 @@ def test_it_takes_as_long_as_in_the_plane(tmp_path: Path) -> None:
         assert np.abs(flight[name]).max() < 1e-3, name
     turned = np.sum(0.5 * (flight['q'][1:] + flight['q'][:-1]) * np.diff(flight.time))
     assert turned == pytest.approx(-2 * np.pi, abs=0.01)
+
+
+def test_an_end_that_fixes_the_whole_quaternion_is_refused(tmp_path: Path) -> None:
+    """IPOPT found no way to it: one condition too many, that holds by itself."""
+    (tmp_path / 'vehicles').mkdir()
+    (tmp_path / 'vehicles' / 'pairs.yaml').write_text(VEHICLE)
+    (tmp_path / 'flip.yaml').write_text(PROBLEM.replace('qw: [null, 0]', 'qw: -1'))
+    with pytest.raises(InputError, match=r'final: fixes all of qw, qx, qy, qz.*fix three'):
+        load_problem(str(tmp_path / 'flip.yaml'), config_dir=tmp_path)
