@@ -84,14 +84,6 @@ class Reference:
         u = self.plan.control_at(at)
         return np.array([u[name] for name in self.stage.controls]).reshape(-1, at.size)
 
-    def controls_over(self, begin: float, end: float) -> tuple[Array, Array]:
-        """Return the controls (nu,) at both ends of an interval without a sample inside."""
-        times = [begin, end]
-        if self.plan.control_interpolation == 'previous':
-            times = [(begin + end) / 2] * 2
-        u = self.controls(times)
-        return u[:, 0], u[:, 1]
-
 
 def planned_wind(plan: Trajectory, otherwise: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
     """Return the wind (3,) [m/s] that a plan says it was made for, or another.

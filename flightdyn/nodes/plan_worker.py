@@ -6,6 +6,7 @@ was built stays for the requests to come. The pipe leads to the node that starte
 to nobody else; when it closes, the process ends.
 """
 
+import contextlib
 import sys
 import time
 from collections import OrderedDict
@@ -33,6 +34,7 @@ from .requests import (
 )
 
 FEEDBACK_RATE = 500.0  # Hz, above what solvers do; a reader's queue of 10 overflows beyond
+FLIGHT_S = 0.2  # between iterates that are shown as flights
 MAX_NEAR = 32  # plans from which others of the same kind start
 
 Clock = Callable[[], float]
@@ -47,6 +49,7 @@ class Call:
     body: Any
     config_dir: str = ''
     warm_start: bool = True
+    with_flights: bool = False
 
 
 @dataclass(frozen=True)
@@ -63,10 +66,11 @@ class Ready:
 
 @dataclass(frozen=True)
 class Progressed:
-    """An iteration of a call under way."""
+    """An iteration of a call under way, and now and then the flight that it is."""
 
     number: int
     iteration: Iteration
+    flight: Trajectory | None = None
 
 
 @dataclass(frozen=True)
@@ -163,6 +167,7 @@ class PlanWorker:
         self._horizon: Horizon | None = None
         self._call = Call(0, '', None)
         self._stopped = False
+        self._shown = 0.0
         self._kinds: dict[str, Callable[[Any], Outcome]] = {
             'list': self._list,
             'check': self._check,
@@ -217,13 +222,7 @@ class PlanWorker:
 
     def _plan(self, request: PlanRequest) -> Outcome:
         problem = problem_of_request(request, self._call.config_dir)
-
-        def publish(iteration: Iteration) -> None:
-            # the iterate stays here: what makes a flight of it cannot be sent
-            figures = replace(iteration, variables=None, trajectory=None)
-            self._pipe.send(Progressed(self._call.number, figures))
-
-        progress = Progress(publish)
+        progress = Progress(self._tell)
         warm = self._call.warm_start and request.guess is None
         plan = self._planner.plan(
             problem,
@@ -238,6 +237,15 @@ class PlanWorker:
             while len(self._plans) > MAX_NEAR:
                 self._plans.popitem(last=False)
         return outcome_of(plan)
+
+    def _tell(self, iteration: Iteration) -> None:
+        flight, now = None, time.monotonic()
+        if self._call.with_flights and iteration.trajectory and now > self._shown + FLIGHT_S:
+            self._shown = now
+            with contextlib.suppress(FlightdynError):  # an iterate may be no flight at all
+                flight = iteration.trajectory()
+        plain = replace(iteration, variables=None, trajectory=None)  # functions do not travel
+        self._pipe.send(Progressed(self._call.number, plain, flight))
 
     def _replan(self, request: ReplanRequest) -> Outcome:
         if self._horizon is None or self._horizon.differs(request):

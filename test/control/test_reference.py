@@ -37,9 +37,6 @@ def test_states_between_samples_are_those_flown(interpolation: str) -> None:
     np.testing.assert_allclose(reference.states(flown.time), table, atol=3e-5)
     np.testing.assert_allclose(reference.states(TIME), table[:, at], atol=1e-12)
     np.testing.assert_allclose(reference.states([-1.0, 2.0]), table[:, [0, -1]], atol=1e-12)
-    begin, end = reference.controls_over(0.01, 0.025)
-    assert begin.tolist() == [0.2, 0.9]
-    assert end.tolist() == ([0.2, 0.9] if interpolation == 'previous' else [0.5, 0.5])
     assert reference.controls(0.01)[:, 0].tolist() == [0.2, 0.9]
 
 

@@ -198,6 +198,19 @@ def test_wind_that_varies_comes_as_it_is_on_the_way() -> None:
     np.testing.assert_allclose(flight['wind_z_e'], 0.0, atol=1e-12)
 
 
+def test_some_iterates_come_as_flights_if_asked_for(pipe: Connection) -> None:
+    """Iterations that carry a function used to end the plan: it cannot go through a pipe."""
+    pipe.send(Call(1, 'plan', request(final={'x_e': (1.7, 1.7)}), with_flights=True))
+    flights, iterations = [], 0
+    while isinstance(message := pipe.recv(), Progressed):
+        iterations += 1
+        if message.flight is not None:
+            flights.append(message.flight)
+    assert message.outcome.code == ResultCode.SUCCESS
+    assert 1 <= len(flights) <= iterations
+    assert set(flights[0].states) == set(message.outcome.trajectory.states)
+
+
 def test_without_warm_start_equal_requests_give_equal_plans(pipe: Connection) -> None:
     def plan(x_e: float) -> Any:
         call = Call(1, 'plan', request(final={'x_e': (x_e, x_e)}), warm_start=False)
