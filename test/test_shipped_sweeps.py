@@ -81,6 +81,20 @@ def test_reach_is_the_same_to_either_side_and_moves_with_the_wind(tmp_path: Path
     assert blown == pytest.approx(10 * downwind['final_time'], rel=0.1)
 
 
+def test_no_flight_of_another_direction_reaches_further(tmp_path: Path) -> None:
+    """A guess that turned late led to 9.9 km downwind, where its neighbour's flight made 10.9."""
+    aside, downwind = planned(
+        tmp_path,
+        'cessna152_reach',
+        {'direction': np.radians(150), 'north_wind': 10},
+        {'direction': np.radians(165), 'north_wind': 10},
+    )
+    for one, other in ((aside, downwind), (downwind, aside)):
+        course = one['direction']
+        end = other['final.x_e'] * np.cos(course) + other['final.y_e'] * np.sin(course)
+        assert one['objective'] > end
+
+
 @pytest.mark.slow
 def test_processes_that_compile_the_same_at_once_do_not_clash(tmp_path: Path) -> None:
     """Each compiles in a folder of its own, and what is done takes its place at once."""
