@@ -44,7 +44,7 @@ from .view_scene import (
     log_vehicles_along,
     log_world,
 )  # fmt: skip
-from .view_surroundings import log_surroundings
+from .view_surroundings import log_surroundings, places
 from .view_vehicle import (
     log_arrows,
     log_chase,
@@ -199,7 +199,8 @@ class _Recorder:
         ground_z = scenery.ground_level(motion, ground, round_earth=on_earth)
         # The lowest vehicle stands on the ground, not in it.
         under = ground_z + 0.3 * min(shown.size, 0.1 * motion.size)
-        grid = scenery.ground_grid(motion, under, round_earth=on_earth)
+        around = places(surroundings)
+        grid = scenery.ground_grid(motion, under, round_earth=on_earth, around=around)
         groups = plot_groups(flight, motion)
         if self.deviation is not None:
             series = Series('distance from plan', self.deviation[1])
