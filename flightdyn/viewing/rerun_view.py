@@ -26,6 +26,8 @@ from .events import (
     flight_events,
     flight_figures,
     flight_lanes,
+    gate_lanes,
+    gates_passed,
     summary_markdown,
 )  # fmt: skip
 from .kinematics import lat_lon_of, motion_of, pose_at, thinned
@@ -207,7 +209,9 @@ class _Recorder:
             groups.insert(2, Group('deviation', 'Distance from plan [m]', 'm', (series,)))
             self.figures['max_deviation_m'] = float(self.deviation[1].max())
         lat_lon = lat_lon_of(flight) if motion.size > SMALLEST_MAP else None
-        lanes = [*lanes, *flight_lanes(motion)]
+        passings = gates_passed(motion, surroundings.gates)
+        lanes = [*lanes, *gate_lanes(motion, passings), *flight_lanes(motion)]
+        events = [*events, *(Event(time, f'through gate {g.name}') for time, g in passings)]
         layout = Layout(
             duration=flight.duration,
             groups=groups,
