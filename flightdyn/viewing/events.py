@@ -16,6 +16,7 @@ from .kinematics import Motion
 
 Level = Literal['DEBUG', 'INFO', 'WARN', 'ERROR']
 MAX_GAP_EVENTS = 200
+FRAME = 1.01  # of a gate's opening: the shortest way grazes its frame
 TICK = 1e-6  # s after the last sample of a stretch, its lane ends
 
 
@@ -86,8 +87,8 @@ def gates_passed(motion: Motion, gates: Sequence[Gate]) -> list[tuple[float, Gat
             def at(values: NDArray[np.float64], i: Any = before, s: Any = share) -> Any:
                 return values[i] + s * (values[i + 1] - values[i])
 
-            inside = np.abs(at(across)) <= gate.width / 2
-            inside &= np.abs(at(away[:, 2])) <= gate.height / 2
+            inside = np.abs(at(across)) <= FRAME * gate.width / 2
+            inside &= np.abs(at(away[:, 2])) <= FRAME * gate.height / 2
             found += [(float(t), gate) for t in at(motion.time)[inside]]
     return sorted(found, key=lambda passing: passing[0])
 
