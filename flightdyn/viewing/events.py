@@ -7,13 +7,16 @@ from datetime import UTC, datetime
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ..environment.surroundings import Gate
 from ..errors import InputError
 from ..trajectory import Trajectory
 from .kinematics import Motion
 
 Level = Literal['DEBUG', 'INFO', 'WARN', 'ERROR']
 MAX_GAP_EVENTS = 200
+FRAME = 1.01  # of a gate's opening: the shortest way grazes its frame
 TICK = 1e-6  # s after the last sample of a stretch, its lane ends
 
 
@@ -66,6 +69,40 @@ def flight_lanes(motion: Motion) -> list[Lane]:
         changes[float(motion.time[part.stop - 1]) + TICK] = None
     ordered = sorted(changes)
     return [Lane('segment', tuple(ordered), tuple(changes[t] for t in ordered))]
+
+
+def gates_passed(motion: Motion, gates: Sequence[Gate]) -> list[tuple[float, Gate]]:
+    """Return when a flight goes through gates [s], their right way, in order of time."""
+    found = []
+    for gate in gates:
+        x, y, altitude = gate.centre
+        ahead, right = np.cos(gate.heading), np.sin(gate.heading)
+        away = motion.position - (x, y, -altitude)
+        along = away[:, 0] * ahead + away[:, 1] * right
+        across = -away[:, 0] * right + away[:, 1] * ahead
+        for part in motion.segments:
+            before = part.start + np.flatnonzero((along[part][:-1] < 0) & (along[part][1:] >= 0))
+            share = along[before] / (along[before] - along[before + 1])
+
+            def at(values: NDArray[np.float64], i: Any = before, s: Any = share) -> Any:
+                return values[i] + s * (values[i + 1] - values[i])
+
+            inside = np.abs(at(across)) <= FRAME * gate.width / 2
+            inside &= np.abs(at(away[:, 2])) <= FRAME * gate.height / 2
+            found += [(float(t), gate) for t in at(motion.time)[inside]]
+    return sorted(found, key=lambda passing: passing[0])
+
+
+def gate_lanes(motion: Motion, passings: Sequence[tuple[float, Gate]]) -> list[Lane]:
+    """Return the lane that tells which gate comes next; none without passings."""
+    changes: dict[float, str | None] = {}
+    start = float(motion.time[0])
+    for time, gate in passings:
+        changes.setdefault(start, f'to {gate.name}')
+        start = time
+    if changes and start < float(motion.time[-1]):
+        changes.setdefault(start, f'after {passings[-1][1].name}')
+    return [Lane('gate', tuple(changes), tuple(changes.values()))] if changes else []
 
 
 def _figure(value: float, digits: int) -> str:

@@ -26,7 +26,7 @@ from .rerun_view import MAX_ROWS, SMALLEST_MAP
 from .view_map import log_plain_track, log_position
 from .view_plots import log_events, log_lines
 from .view_scene import log_ground, log_line, log_world
-from .view_surroundings import log_surroundings
+from .view_surroundings import log_surroundings, places
 from .view_vehicle import log_chase, log_poses
 
 try:
@@ -138,10 +138,11 @@ class _Recorder:
         )
         on_earth = self.origin is not None
         ground_z = scenery.ground_level(merged, ground, round_earth=on_earth)
-        grid = scenery.ground_grid(merged, ground_z, round_earth=on_earth)
+        around = places(self.surroundings)
+        grid = scenery.ground_grid(merged, ground_z, round_earth=on_earth, around=around)
         lat_lon = {label: lat_lon_of(flight) for label, flight in self.flights.items()}
-        places = [each for each in lat_lon.values() if each is not None]
-        on_map = len(places) == len(lat_lon) and merged.size > SMALLEST_MAP
+        tracks = [each for each in lat_lon.values() if each is not None]
+        on_map = len(tracks) == len(lat_lon) and merged.size > SMALLEST_MAP
         groups = self._groups()
         layout = Layout(
             duration=float(np.ptp(np.concatenate([self._seconds(k) for k in motions]))),
@@ -150,7 +151,7 @@ class _Recorder:
             chase=scenery.Camera((-3.0 * size, 1.3 * size, 1.1 * size), (0.0, 0.0, 0.0)),
             vehicles=[f'flights/{path_part(label)}' for label in self.flights],
             legend=False,
-            map_zoom=scenery.map_zoom(np.concatenate(places)) if on_map else None,
+            map_zoom=scenery.map_zoom(np.concatenate(tracks)) if on_map else None,
         )
         rec.save(path, default_blueprint=flight_blueprint(layout))
         try:

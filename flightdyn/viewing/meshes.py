@@ -30,7 +30,7 @@ from .solids import (
     fin,
     join,
     wing,
-)  # fmt: skip
+)
 
 
 def mesh_for(
@@ -44,9 +44,9 @@ def mesh_for(
     Parameters
     ----------
     vehicle : str
-        A name that contains 'quad' or 'drone' (0.1 m between rotors), 'paraglid' (11 m span),
-        'glider', 'soar' or 'discus' (15 m), 'cessna' (10.2 m), 'plane' (11 m), 'rocket' (70 m
-        long) or 'balloon' (0.25 m).
+        A name that contains 'quad' or 'drone' (0.1 m between rotors), 'wingsuit' (2 m long),
+        'paraglid' (11 m span), 'glider', 'soar' or 'discus' (15 m), 'cessna' (10.2 m), 'plane'
+        (11 m), 'rocket' (70 m long) or 'balloon' (0.25 m).
     geometry : mapping
         As `vehicles.geometry` reads it.
     motion : Motion
@@ -77,6 +77,8 @@ def mesh_for(
     name = vehicle.lower()
     if 'quad' in name or 'drone' in name or 'copter' in name:
         return quadcopter()
+    if 'wingsuit' in name:
+        return wingsuit()
     if 'paraglid' in name:
         return paraglider()
     if 'glider' in name or 'discus' in name or 'soar' in name or 'sailplane' in name:
@@ -146,6 +148,21 @@ def paraglider() -> Mesh:
         parts.append(wing(ribs[k], ribs[k + 1], chords[k], chords[k + 1], 0.3, color))
     for k in (1, 3, 5, 7):
         parts.append(bar((0.0, 0.0, 0.5), np.array(ribs[k]), 0.03, GREY))
+    return join(parts)
+
+
+@cache
+def wingsuit() -> Mesh:
+    """Return a flyer in a wingsuit, arms and legs apart, 2 m long."""
+    parts = [
+        box((0.0, 0.0, 0.0), (0.75, 0.42, 0.24), DARK),
+        box((-0.05, 0.0, -0.18), (0.45, 0.32, 0.16), ORANGE),
+        body([(0.62, 0.03), (0.56, 0.12), (0.44, 0.13), (0.36, 0.06)], WHITE),
+        wing((-0.75, 0.0, 0.02), (-0.8, 0.32, 0.02), 0.9, 0.6, 0.07, GREY),
+        wing((-0.75, 0.0, 0.02), (-0.8, -0.32, 0.02), 0.9, 0.6, 0.07, GREY),
+    ]
+    for side, color in ((1, GREEN), (-1, RED)):
+        parts.append(wing((0.1, 0.0, 0.0), (0.2, side * 0.9, 0.02), 0.8, 0.25, 0.08, color))
     return join(parts)
 
 

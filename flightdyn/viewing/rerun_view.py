@@ -26,6 +26,8 @@ from .events import (
     flight_events,
     flight_figures,
     flight_lanes,
+    gate_lanes,
+    gates_passed,
     summary_markdown,
 )  # fmt: skip
 from .kinematics import lat_lon_of, motion_of, pose_at, thinned
@@ -44,7 +46,7 @@ from .view_scene import (
     log_vehicles_along,
     log_world,
 )  # fmt: skip
-from .view_surroundings import log_surroundings
+from .view_surroundings import log_surroundings, places
 from .view_vehicle import (
     log_arrows,
     log_chase,
@@ -199,14 +201,17 @@ class _Recorder:
         ground_z = scenery.ground_level(motion, ground, round_earth=on_earth)
         # The lowest vehicle stands on the ground, not in it.
         under = ground_z + 0.3 * min(shown.size, 0.1 * motion.size)
-        grid = scenery.ground_grid(motion, under, round_earth=on_earth)
+        around = places(surroundings)
+        grid = scenery.ground_grid(motion, under, round_earth=on_earth, around=around)
         groups = plot_groups(flight, motion)
         if self.deviation is not None:
             series = Series('distance from plan', self.deviation[1])
             groups.insert(2, Group('deviation', 'Distance from plan [m]', 'm', (series,)))
             self.figures['max_deviation_m'] = float(self.deviation[1].max())
         lat_lon = lat_lon_of(flight) if motion.size > SMALLEST_MAP else None
-        lanes = [*lanes, *flight_lanes(motion)]
+        passings = gates_passed(motion, surroundings.gates)
+        lanes = [*lanes, *gate_lanes(motion, passings), *flight_lanes(motion)]
+        events = [*events, *(Event(time, f'through gate {g.name}') for time, g in passings)]
         layout = Layout(
             duration=flight.duration,
             groups=groups,

@@ -172,18 +172,29 @@ def ground_level(motion: Motion, ground: float, *, round_earth: bool = False) ->
     return float(z + motion.altitude[lowest] - ground - fall)
 
 
-def ground_grid(motion: Motion, z_e: float, *, round_earth: bool = False) -> Ground:
+def ground_grid(
+    motion: Motion, z_e: float, *, round_earth: bool = False, around: Array | None = None
+) -> Ground:
     """Return a grid under the whole flight, lines on whole multiples of a round spacing.
 
-    On a round earth it falls away from the tangent plane of the local axes, so that a flight of
-    hundreds of kilometres is nowhere below it.
+    Parameters
+    ----------
+    z_e : float
+        Of the ground at the origin [m].
+    round_earth : bool
+        Let it fall away from the tangent plane of the local axes, so that a flight of hundreds of
+        kilometres is nowhere below it.
+    around : array (n, 2)
+        x_e, y_e [m] of what shall have ground under it, too.
     """
-    low, high = motion.bounds
-    extent = max(float((high - low)[:2].max()), 0.35 * motion.size, 1e-3)
+    low, high = (bound[:2] for bound in motion.bounds)
+    if around is not None and len(around):
+        low, high = np.minimum(low, around.min(axis=0)), np.maximum(high, around.max(axis=0))
+    extent = max(float((high - low).max()), 0.35 * motion.size, 1e-3)
     spacing = nice_step(extent / 9)
-    margin = 0.3 * extent + 0.2 * (extent - (high - low)[:2])
-    start = np.floor((low[:2] - margin) / spacing) * spacing
-    stop = np.ceil((high[:2] + margin) / spacing) * spacing
+    margin = 0.3 * extent + 0.2 * (extent - (high - low))
+    start = np.floor((low - margin) / spacing) * spacing
+    stop = np.ceil((high + margin) / spacing) * spacing
     x = np.arange(start[0], stop[0] + spacing / 2, spacing)
     y = np.arange(start[1], stop[1] + spacing / 2, spacing)
     level_x, level_y = np.meshgrid(x, y, indexing='ij')

@@ -117,6 +117,14 @@ def outline(volume: Cylinder | Polygon) -> Array:
     return np.array(volume.centre) + volume.radius * ring
 
 
+def places(surroundings: Surroundings) -> Array:
+    """Return where things stand (n, 2): x_e, y_e [m]; not of the terrain."""
+    gates = [gate.centre[:2] for gate in surroundings.gates]
+    marks = [mark.place[:2] for mark in surroundings.marks]
+    rings = [outline(volume) for volume in surroundings.keep_out]
+    return np.concatenate([np.reshape(np.array(gates + marks, float), (-1, 2)), *rings])
+
+
 def _log_volume(
     rec: rr.RecordingStream, volume: Cylinder | Polygon, reach: tuple[float, float]
 ) -> None:

@@ -17,7 +17,7 @@ from flightdyn.viewing.quantities import Group, Series, plot_groups
 
 SHAPES = [
     meshes.quadcopter(), meshes.glider(), meshes.aeroplane(), meshes.rocket(), meshes.balloon(),
-    meshes.paraglider(), meshes.airliner(), solids.sphere(),
+    meshes.paraglider(), meshes.wingsuit(), meshes.airliner(), solids.sphere(),
 ]  # fmt: skip
 
 
@@ -124,6 +124,8 @@ def test_grid_lies_on_round_numbers_under_the_flight():
     assert (grid.vertices[:, :2].min(axis=0) <= low[:2]).all()
     assert (grid.vertices[:, :2].max(axis=0) >= high[:2]).all()
     assert np.ptp(grid.lines[..., 2]) == 0
+    wide = scenery.ground_grid(motion, 12.0, around=np.array([(0.0, 9000.0)]))
+    assert wide.vertices[:, 1].max() >= 9000.0
 
 
 def test_a_flight_of_hundreds_of_kilometres_stays_above_the_ground():

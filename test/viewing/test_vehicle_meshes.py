@@ -143,7 +143,13 @@ def test_what_nobody_named_is_drawn_by_how_it_moves():
 
 @pytest.mark.parametrize(
     ('name', 'size'),
-    [('igc_paraglider', 11.05), ('ASW 27 glider', 15), ('my_plane', 11), ('Cessna 172', 10.2)],
+    [
+        ('wingsuit', 1.97),
+        ('igc_paraglider', 11.05),
+        ('ASW 27 glider', 15),
+        ('my_plane', 11),
+        ('Cessna 172', 10.2),
+    ],
 )
 def test_names_tell_what_flies(name, size):
     standing = replace(motion_of(soaring()), speed=np.zeros(600))

@@ -18,6 +18,9 @@ from flightdyn.environment.surroundings import (
     Surroundings,
     Terrain,
 )
+from flightdyn.trajectory import Trajectory
+from flightdyn.viewing.events import gates_passed
+from flightdyn.viewing.kinematics import motion_of
 from flightdyn.viewing.rerun_view import save_rrd
 from flightdyn.viewing.view_surroundings import contour_step, outline
 
@@ -89,3 +92,37 @@ def test_contours_are_about_ten_round_steps():
 
 def test_outline_of_a_polygon_is_its_corners():
     np.testing.assert_array_equal(outline(AROUND.keep_out[1]), [(0, 0), (50, 0), (0, 80)])
+
+
+def test_gates_are_passed_the_right_way_and_within_their_frame(tmp_path):
+    t = np.arange(11.0)
+    flight = Trajectory(
+        time=t, states={'x_e': t * 10, 'y_e': 0 * t, 'z_e': -20 + 0 * t, 'theta': 0 * t}
+    )
+    gates = [
+        Gate(name='second', centre=(75.0, 1.0, 21.0), heading=0.3, width=4.0, height=4.0),
+        Gate(name='first', centre=(33.0, 0.0, 20.0), heading=0.0, width=4.0, height=4.0),
+        Gate(
+            name='grazed',
+            centre=(95.0, 2.0 + 1e-8, 22.0 + 1e-8),
+            heading=0.0,
+            width=4.0,
+            height=4.0,
+        ),
+        Gate(name='beside', centre=(50.0, 3.0, 20.0), heading=0.0, width=4.0, height=4.0),
+        Gate(name='below', centre=(50.0, 0.0, 15.0), heading=0.0, width=4.0, height=4.0),
+        Gate(name='backward', centre=(60.0, 0.0, 20.0), heading=np.pi, width=4.0, height=4.0),
+    ]
+    found = gates_passed(motion_of(flight), gates)
+    assert [gate.name for _, gate in found] == ['first', 'second', 'grazed']
+    # plans graze the frame, and a little more by the solver's tolerance: once none was passed
+    # the second one's plane is turned: at y = 0 it is passed 1 m * tan(0.3) later
+    np.testing.assert_allclose([time for time, _ in found], [3.3, 7.5 + 0.1 * np.tan(0.3), 9.5])
+    save_rrd(tmp_path / 'a.rrd', flight, surroundings=Surroundings(gates=gates))
+    data = read(tmp_path / 'a.rrd')
+    texts = [row[0] for row in rows(data['/events'], 'text')]
+    assert [text for text in texts if 'gate' in text] == [
+        'through gate first', 'through gate second', 'through gate grazed'
+    ]  # fmt: skip
+    states = rows(data['/lanes/gate'], ':state')
+    assert states == [['to first'], ['to second'], ['to grazed'], ['after grazed']]
