@@ -190,13 +190,7 @@ def _plan(arguments: argparse.Namespace) -> int:
         on_plan(plan.trajectory)
     document = plan_document(plan)
     for path in outputs:
-        export.write_flight(
-            path,
-            plan.trajectory,
-            document,
-            surroundings=plan.surroundings,
-            limits=_limits(problem),
-        )
+        export.write_flight(path, plan.trajectory, document, limits=_limits(problem))
     report = plan.report
     if arguments.json:
         print(json.dumps(document))

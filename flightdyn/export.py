@@ -48,12 +48,12 @@ def write_flight(
     """Write a plan or a simulated flight; `document` is what a .json file holds.
 
     Figures of a simulated flight show it beside what was `planned`, those of a plan show `limits`.
-    Recordings show the `surroundings` that the document has.
+    Pictures and recordings show the `surroundings` that the document has.
     """
     if path.suffix == '.mcap':
         from .logs.recording import write_flight_mcap
 
-        write_flight_mcap(flight, path)
+        write_flight_mcap(flight, path, planned)
     elif path.suffix in TABLES:
         from .tables import write_table
 
@@ -110,9 +110,12 @@ def _write_view(
         )
     else:
         from .viewing.figures import About, figure_for, save_figure
+        from .viewing.run_notes import run_surroundings
 
         about = About(document=document, limits=limits or {})
-        figure = figure_for(flight, surroundings, about=about, planned=planned, track=track)
+        figure = figure_for(
+            flight, run_surroundings(document), about=about, planned=planned, track=track
+        )
         save_figure(figure, path)
 
 

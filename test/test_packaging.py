@@ -32,7 +32,7 @@ def test_every_interface_is_built() -> None:
     cmake = (ROOT / 'flightdyn_msgs/CMakeLists.txt').read_text(encoding='utf-8')
     listed = re.findall(r'^ +((?:msg|srv|action)/\w+\.\w+)$', cmake, re.MULTILINE)
     found = [f.relative_to(ROOT / 'flightdyn_msgs').as_posix() for f in INTERFACES]
-    assert len(found) == 18
+    assert len(found) == 21
     assert sorted(listed) == found
 
 

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..dynamics.stage import Model, Stage
 from ..errors import InputError
+from ..simulation.steering import OpenLoop
 from ..trajectory import Trajectory
 from ..vehicles.definition import Vehicle
 from .lqr import Weights, discretised, gains, linearised, trimmed
@@ -63,6 +64,7 @@ class Tracker:
         wind: ArrayLike | None = None,
     ) -> None:
         self.reference = Reference(stage, plan, wind)
+        self._open_loop = OpenLoop(stage, plan)
         duration = plan.duration
         if period is None:
             period = min(max(duration / STEPS, PERIODS[0]), PERIODS[1])
@@ -116,8 +118,7 @@ class Tracker:
 
     def breaks(self, begin: float, end: float) -> Array:
         """Return times inside an interval [s] where controls jump, bend or are decided anew."""
-        time = self.reference.time
-        samples = time[np.searchsorted(time, begin, side='right') : np.searchsorted(time, end)]
+        samples = self._open_loop.breaks(begin, end)
         first, last = self._step_at(begin) + 1, math.ceil((end - self._start) / self.period)
         decisions = self._start + self.period * np.arange(first, last + 1)
         times = np.union1d(samples, decisions[(decisions > begin) & (decisions < end)])
@@ -129,7 +130,7 @@ class Tracker:
         self._decide(begin, x)
         u0, u1 = (
             np.clip(u + self._correction, self._lower, self._upper)
-            for u in self._fed_forward(begin, end)
+            for u in self._at_end(begin) or self._open_loop.over(begin, end)
         )
         limited = np.isfinite(self._rates)
         if limited.any():
@@ -142,14 +143,15 @@ class Tracker:
     def now(self, time: float, x: Array) -> Array:
         """Return the controls (nu,) that act from a time on, where the state is x."""
         self._decide(time, x)
-        u = self._fed_forward(time, time + self.period)[0] + self._correction
-        u = np.clip(u, self._lower, self._upper)
+        planned, _ = self._at_end(time) or (self._open_loop.now(time), None)
+        u = np.clip(planned + self._correction, self._lower, self._upper)
         return u if self._last is None else np.where(np.isfinite(self._rates), self._last, u)
 
-    def _fed_forward(self, begin: float, end: float) -> tuple[Array, Array]:
-        if begin >= self._end - 1e-9 and self._held is not None:
+    def _at_end(self, time: float) -> tuple[Array, Array] | None:
+        """Return the controls that hold the vehicle after the plan, if there are such."""
+        if time >= self._end - 1e-9 and self._held is not None:
             return self._held, self._held
-        return self.reference.controls_over(begin, end)
+        return None
 
     def _step_at(self, time: float) -> int:
         return math.floor((time - self._start) / self.period + 1e-6)

@@ -72,6 +72,15 @@ def serialize(msgtype: str, message: Any) -> bytes:
     return bytes(typestore().serialize_cdr(message, msgtype))
 
 
+def canonical(msgtype: str, cdr: bytes) -> bytes:
+    """Return a message in CDR with zeros in the bytes that alignment leaves unused.
+
+    ROS writes whatever was in memory there, so that equal messages differ.
+    """
+    store = typestore()
+    return bytes(store.serialize_cdr(store.deserialize_cdr(cdr, msgtype), msgtype))
+
+
 def kinematics(trajectory: Trajectory) -> Columns:
     """Return the motion of any model's trajectory in common columns.
 

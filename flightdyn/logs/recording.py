@@ -6,6 +6,7 @@ every half second of the messages' own time. The same messages make the same fil
 
 import threading
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 
@@ -183,7 +184,9 @@ class McapRecorder:
         return channel
 
 
-def write_flight_mcap(trajectory: Trajectory, path: str | Path) -> None:
+def write_flight_mcap(
+    trajectory: Trajectory, path: str | Path, planned: Trajectory | None = None
+) -> None:
     """Write a trajectory as a recording of a flight.
 
     Topics: `/sim/state` (VehicleState), `/odom` (Odometry, ENU in `odom`, FLU in `base_link`),
@@ -194,6 +197,8 @@ def write_flight_mcap(trajectory: Trajectory, path: str | Path) -> None:
     trajectory : Trajectory
     path : path
         An existing file is replaced.
+    planned : Trajectory
+        What it was to be; the same unless given.
 
     Raises
     ------
@@ -214,8 +219,10 @@ def write_flight_mcap(trajectory: Trajectory, path: str | Path) -> None:
         metadata['origin_altitude'] = repr(float(trajectory.origin.altitude))
     motion = kinematics(trajectory)
     with McapRecorder(path, metadata) as recorder:
-        plan = serialize(TRAJECTORY, trajectory_message(trajectory))
-        recorder.write('/plan', TRAJECTORY, plan, int(unix_ns[0]))
+        # they begin together, whenever the plan was made
+        plan = replace(planned or trajectory, start_ns=trajectory.start_ns)
+        message = serialize(TRAJECTORY, trajectory_message(plan))
+        recorder.write('/plan', TRAJECTORY, message, int(unix_ns[0]))
         streams = [
             ('/sim/state', VEHICLE_STATE, vehicle_state_messages(trajectory, motion)),
             ('/odom', ODOMETRY, odometry_messages(trajectory, motion)),

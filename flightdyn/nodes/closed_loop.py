@@ -108,6 +108,7 @@ def fly_glide(
             env={'ROS_LOG_DIR': logs},
             vehicle='cessna152',
             initial=f'{{altitude: {altitude}, speed: {SPEED}}}',
+            tracking='open_loop',  # what the planner reckons with until its next plan begins
             new_plan='join',
             after_plan='hold',
             on_ground='stop',
@@ -159,9 +160,9 @@ def main(arguments: list[str] | None = None) -> int:
     """Fly the glide; return 0 if every promise is kept."""
     parser = argparse.ArgumentParser(prog='closed_loop', description=__doc__)
     parser.add_argument('folder', nargs='?', default='demo', help='where files go (demo)')
-    parser.add_argument('--altitude', type=float, default=100.0, help='at the start [m]')
+    parser.add_argument('--altitude', type=float, default=60.0, help='at the start [m]')
     parser.add_argument('--wind', type=float, default=-6.0, help='north component [m/s]')
-    parser.add_argument('--real-time-factor', type=float, default=2.0)
+    parser.add_argument('--real-time-factor', type=float, default=1.0)
     given = parser.parse_args(arguments)
     folder = Path(given.folder)
     console = Console(stderr=True)

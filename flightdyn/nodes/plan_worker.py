@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from ..dynamics.stage import WIND
+from ..dynamics.stage import WIND, WIND_STRENGTH
+from ..environment.wind import ScaledWind
 from ..errors import FlightdynError, ResultCode
 from ..planning.planner import Planner
 from ..planning.problem_file import list_problems
@@ -259,14 +260,19 @@ def outcome_of(plan: Plan) -> Outcome:
 
 
 def with_wind(plan: Plan) -> Trajectory:
-    """Return the plan's trajectory with the wind among its outputs.
+    """Return the plan's trajectory with the wind on its way among its outputs.
 
     The message has no field for it, and who flies the plan needs the same air.
     """
     trajectory = plan.trajectory
+    varying: Any = (0.0, 0.0, 0.0)
+    if plan.wind is not None:
+        x, y, z = (trajectory[name] for name in ('x_e', 'y_e', 'z_e'))
+        strength = trajectory.states.get(WIND_STRENGTH, 1.0)
+        varying = ScaledWind(plan.wind, strength)(x, y, z, trajectory.time)
     wind = {
-        name: np.full(len(trajectory), float(value))
-        for name, value in zip(WIND, plan.wind_ned, strict=True)
+        name: np.full(len(trajectory), float(steady)) + more
+        for name, steady, more in zip(WIND, plan.wind_ned, varying, strict=True)
     }
     return replace(trajectory, outputs={**trajectory.outputs, **wind})
 

@@ -32,8 +32,8 @@ from flightdyn_msgs.srv import (
 )
 
 from ..errors import FlightdynError, InputError
+from ..logs.any_log import read_track
 from ..replay.moments import moment, names_event
-from ..replay.opening import open_replay
 from ..replay.player import Player, checked_rate
 from .base import LATCHED, SENSOR, STATE, BaseNode
 from .convert import MAP, header, nanoseconds, static_transform_msgs, time_msg
@@ -253,17 +253,12 @@ class ReplayNode(BaseNode):
     def _opened(
         self, path: Path, source: str, start_at: str, *, start: float = 0.0, end: float = 0.0
     ) -> Reel:
-        opened = open_replay(
-            path,
-            source=source or None,
-            start=start or None,
-            end=end or None,
-            # a take-off cannot be found before everything is reconstructed
-            whole=self.parameters.values.whole_first or names_event(start_at),
-        )
-        reel = Reel.first(opened)
-        if start_at:
-            moment(start_at, reel.flown, now=0.0, end=opened.end)  # refuse before it is shown
+        track = read_track(path, source=source or None, start=start or None, end=end or None)
+        # a take-off cannot be found before everything is reconstructed
+        whole = self.parameters.values.whole_first or names_event(start_at)
+        reel = Reel.first(track, whole=whole)
+        if start_at:  # refuse before it is shown
+            moment(start_at, reel.flown, now=0.0, end=reel.opened.end)
         return reel
 
     def _put_in(self, reel: Reel, start_at: str) -> None:

@@ -124,6 +124,12 @@ class SimNode(BaseNode):
         if core.run is None:
             core.begin()
         self.get_logger().info(f'ready to fly: {core.state}')
+        values = self.parameters.values
+        if values.new_plan == 'join' and values.tracking == 'lqr':
+            self.get_logger().warning(
+                'new_plan is join and tracking is lqr: a planner that plans anew every second '
+                'does not reckon with the feedback, and the flight swings; open_loop does not'
+            )
 
     def clean_up(self) -> None:
         if self._core is not None:

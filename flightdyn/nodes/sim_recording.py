@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from ..errors import InputError
+from ..logs.messages import canonical
 from ..logs.recording import McapRecorder
 from .folders import folder
 
@@ -79,7 +80,7 @@ class Recording:
         if self._recorder is None:
             return
         try:
-            self._recorder.write(topic, msgtype, data, ns)
+            self._recorder.write(topic, msgtype, canonical(msgtype, data), ns)
         except OSError as error:  # a full disk must not stop the flight
             self._fail(self._told(error))
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import get_args
 
 import casadi as cas
 import numpy as np
@@ -49,7 +50,7 @@ class Simulator:
     Raises
     ------
     InputError
-        If a name is not the model's or a value is not finite.
+        If a name is not the model's, a value is not finite, or the method unknown.
     """
 
     def __init__(
@@ -69,6 +70,8 @@ class Simulator:
         self.gusts = gusts
         self._steps: dict[int, ArrayCall] = {}
         self._max_step = max_step
+        if method not in get_args(Method):
+            raise InputError(f"unknown method '{method}'{suggestion(method, get_args(Method))}")
         self._stiff: Callable[[Array, Array], Array | None] | None = None
         if method == 'cvodes':
             inputs = Inputs(self.stage, dict.fromkeys(self.stage.controls, 0.0))

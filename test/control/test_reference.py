@@ -37,9 +37,6 @@ def test_states_between_samples_are_those_flown(interpolation: str) -> None:
     np.testing.assert_allclose(reference.states(flown.time), table, atol=3e-5)
     np.testing.assert_allclose(reference.states(TIME), table[:, at], atol=1e-12)
     np.testing.assert_allclose(reference.states([-1.0, 2.0]), table[:, [0, -1]], atol=1e-12)
-    begin, end = reference.controls_over(0.01, 0.025)
-    assert begin.tolist() == [0.2, 0.9]
-    assert end.tolist() == ([0.2, 0.9] if interpolation == 'previous' else [0.5, 0.5])
     assert reference.controls(0.01)[:, 0].tolist() == [0.2, 0.9]
 
 
@@ -55,6 +52,9 @@ def test_a_single_sample_is_held() -> None:
 def test_wind_is_that_of_the_plan() -> None:
     plan = Trajectory(time=np.zeros(1), states={}, outputs={'wind_y_e': np.full(1, 3.0)})
     assert planned_wind(plan, (1.0, 2.0, 0.5)).tolist() == [1.0, 3.0, 0.5]
+    varying = Trajectory(time=TIME, states={}, outputs={'wind_z_e': TIME})
+    with pytest.raises(InputError, match=r'wind_z_e varies on its way.*flightdyn sim plan.json'):
+        planned_wind(varying)
 
 
 @pytest.mark.parametrize('missing', ['theta', 'thrust_right'])

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import textwrap
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,10 +21,13 @@ from flightdyn.environment.geodesy import GeodeticPoint
 from flightdyn.errors import InputError, LogError
 from flightdyn.logs.mcap_container import McapFile
 from flightdyn.logs.messages import (
+    NAV_SAT_FIX,
     TRAJECTORY,
     VEHICLE_STATE,
+    canonical,
     kinematics,
     schema_text,
+    serialize,
     trajectory_message,
     typestore,
 )
@@ -104,6 +108,18 @@ def test_plan_comes_back_whole(climb: Trajectory, tmp_path: Path) -> None:
         assert_allclose(plan[name], column, rtol=1e-14)  # alpha went through radians
     for name in ('model', 'vehicle', 'problem', 'start_ns', 'origin', 'control_interpolation'):
         assert getattr(plan, name) == getattr(climb, name)
+
+
+def test_a_flown_plan_is_recorded_beside_the_flight(climb: Trajectory, tmp_path: Path) -> None:
+    """What was recorded as the plan was once the flight itself."""
+    path = tmp_path / 'flight.mcap'
+    states = {**climb.states, 'speed': climb['speed'] + 1}
+    planned = replace(climb, states=states, start_ns=0)
+    write_flight_mcap(climb, path, planned)
+    (plan,) = read_plans(path)
+    assert_allclose(plan['speed'], climb['speed'] + 1, rtol=1e-14)
+    assert plan.start_ns == climb.start_ns
+    assert_allclose(read_flights(path)[0]['speed'], climb['speed'], rtol=1e-14)
 
 
 def test_flight_comes_back_with_states_and_controls(climb: Trajectory, tmp_path: Path) -> None:
@@ -234,6 +250,24 @@ def test_wrong_requests_are_refused(tmp_path: Path) -> None:
     recorder.finish()
     with McapFile(tmp_path / 'x.mcap') as log:
         assert log.message_counts == {1: 1}
+
+
+def test_equal_messages_are_equal_in_the_bytes_that_alignment_leaves_unused() -> None:
+    """ROS serialises into memory that is not cleared; two recordings of a flight then differ."""
+    store = typestore()
+    kinds = store.types
+    stamp = kinds['builtin_interfaces/msg/Time'](1, 2)
+    header = kinds['std_msgs/msg/Header'](stamp, 'gps')  # 4 bytes of text, then 4 to a double
+    status = kinds['sensor_msgs/msg/NavSatStatus'](0, 1)
+    fix = kinds[NAV_SAT_FIX](header, status, 50.0, 10.0, 100.0, np.zeros(9), 0)
+    clean = serialize(NAV_SAT_FIX, fix)
+    dirty = bytearray(clean)
+    # encapsulation 4, stamp 8, length 4, text 4, then the status, and after it a hole of 1
+    assert clean[20:24] == bytes([0, 0, 1, 0])
+    dirty[21] = 0xAB
+    assert bytes(dirty) != clean
+    assert canonical(NAV_SAT_FIX, bytes(dirty)) == clean
+    assert canonical(NAV_SAT_FIX, clean) == clean
 
 
 @pytest.mark.skipif(os.name != 'posix', reason='SIGKILL')

@@ -1,12 +1,19 @@
 """The play clock, on a clock that moves only when told."""
 
+from functools import cache
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flightdyn.errors import InputError
+from flightdyn.logs.any_log import read_track
 from flightdyn.replay.player import Player, checked_rate
+from flightdyn.replay.samples import merge_repeats
+
+LOGS = ('discus2_thermal', 'px4_zurich_navsatfix', 'px4_zurich_px4msgs')
 
 
 class FakeClock:
@@ -432,3 +439,51 @@ def test_whatever_happens_samples_come_once_and_in_order(
     player.resume()
     seen += [i for i, _ in play_out(player, clock)]
     assert seen == list(range(len(steps)))
+
+
+@cache
+def times_of(log: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """Return the times of a real log, which are not evenly spaced."""
+    return merge_repeats(
+        read_track(Path(__file__).parents[1] / f'data/{log}.mcap').first(300)
+    ).time
+
+
+@pytest.mark.parametrize('log', LOGS)
+@settings(derandomize=True, deadline=None, max_examples=30)
+@given(
+    at=st.floats(0, 1),
+    moves=st.lists(
+        st.tuples(st.sampled_from(['play', 'pause', 'rate', 'turn']), st.floats(0.05, 50)),
+        max_size=12,
+    ),
+)
+def test_of_a_real_log_no_sample_is_lost_or_doubled(
+    log: str, at: float, moves: list[tuple[str, float]]
+) -> None:
+    """From any place, through pauses, rates and turns: then all of it backwards."""
+    times = times_of(log)
+    clock = FakeClock()
+    player = Player(times, clock=clock)
+    start = float(at * times[-1])
+    player.seek(start)
+    ahead = int(np.searchsorted(times, start))
+    gap = ahead - (times[ahead] != start), ahead  # what comes next, backwards and forwards
+    for name, value in moves:
+        if name == 'play':
+            player.resume()
+            clock.now += value / abs(player.get_rate())
+        elif name == 'pause':
+            player.pause()
+            clock.now += value
+        elif name == 'rate':
+            player.set_rate(value if player.get_rate() > 0 else -value)
+        else:
+            player.set_rate(-player.get_rate())
+        for index in player.advance():
+            assert index == gap[1 if player.get_rate() > 0 else 0]
+            gap = index - 1, index + 1
+    player.resume()
+    player.set_rate(-abs(player.get_rate()))
+    rest = [i for i, _ in play_out(player, clock)]
+    assert rest == list(range(gap[0], -1, -1))
