@@ -17,6 +17,7 @@ from typing import Any
 import rclpy
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
@@ -124,7 +125,8 @@ class Session:
         rclpy.shutdown(context=self._context)
 
     def _spin(self) -> None:
-        with contextlib.suppress(ExternalShutdownException):
+        # a callback may wake what is being taken down
+        with contextlib.suppress(ExternalShutdownException, InvalidHandle):
             self._executor.spin()
 
     def subscribe(

@@ -415,6 +415,7 @@ class PlannerNode(BaseNode):
             publish=self._publish_replan,
             warn=self.get_logger().warning,
         )
+        self._replanner.prepare(self.get_clock().now().nanoseconds)
 
     def _take_state(self, message: Any) -> None:
         if self._replanner is not None:

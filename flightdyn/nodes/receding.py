@@ -46,6 +46,8 @@ class ReplanRequest:
     max_wall_time : float [s]
     fresh : bool
         Whether to forget the plans before.
+    prepare : bool
+        Only to get ready: the problem is built, and planned as it is written.
     """
 
     problem: str
@@ -56,6 +58,7 @@ class ReplanRequest:
     lead: float
     max_wall_time: float
     fresh: bool = False
+    prepare: bool = False
 
 
 class Horizon:
@@ -77,6 +80,7 @@ class Horizon:
                 f'{request.problem}: a flight in phases cannot be planned anew from a state in '
                 'the midst of them'
             )
+        self._written: Plan | None = None
         self._plan: Plan | None = None
         self._begun: deque[tuple[float, Trajectory]] = deque(maxlen=MAX_BEGUN)
         self._step: cas.Function = rk4_step(self._problem.stage)
@@ -87,8 +91,14 @@ class Horizon:
 
     def plan(self, request: ReplanRequest, should_stop: Callable[[], bool]) -> Plan:
         """Return the plan; only a verified one is what the next starts from."""
+        if request.prepare:
+            as_written = replace(self._problem, max_wall_time=request.max_wall_time)
+            plan = self._planner.plan(as_written, should_stop=should_stop)
+            if plan.report.verified:
+                self._written = self._plan = plan
+            return plan
         if request.fresh:
-            self._plan = None
+            self._plan = self._written
             self._begun.clear()
         start = self.predicted(request)
         problem = replace(self.from_state(start), max_wall_time=request.max_wall_time)

@@ -90,13 +90,15 @@ class Replanner:
         self._counts = dict.fromkeys(('plans', 'failures', 'late plans'), 0)
         self._took: deque[float] = deque(maxlen=REMEMBERED)
         self._number = 0
+        self._asked: tuple[int, ReplanRequest, int, int] | None = None
         self.forget()
 
     def forget(self) -> None:
         """Begin anew: the clock has jumped, or another run has begun."""
         self._plan: Trajectory | None = None
         self._plan_state_ns = 0
-        self._asked: tuple[int, ReplanRequest, int, int] | None = None
+        if self._asked is not None and not self._asked[1].prepare:
+            self._asked = None
         self._due_ns: int | None = None
         self._newest: Sample | None = None
         self._failed_in_row = 0
@@ -133,21 +135,45 @@ class Replanner:
             return
         # a slow solve does not make the next ones come faster
         self._due_ns = max(self._due_ns + self._period_ns, now_ns)
-        first = self._plan is None
         wall_time = self.settings.max_wall_time
+        if self._plan is not None:
+            wall_time = min(wall_time, 1 + LATE / self.settings.rate)
+        self._ask(
+            ReplanRequest(
+                problem=self.settings.problem,
+                settings=self.settings.settings,
+                state=sample.values,
+                controls=sample.controls,
+                time=sample.stamp_ns / _NS,
+                lead=self.lead + max(now_ns - sample.stamp_ns, 0) / _NS,
+                max_wall_time=wall_time,
+                fresh=self._fresh,
+            ),
+            sample.stamp_ns,
+            now_ns,
+        )
+        self._fresh = False
+
+    def prepare(self, now_ns: int) -> None:
+        """Have the problem built and planned as it is written, so that plans in flight are quick.
+
+        The first one takes as long as several others: from a state in flight it would be late.
+        """
         request = ReplanRequest(
             problem=self.settings.problem,
             settings=self.settings.settings,
-            state=sample.values,
-            controls=sample.controls,
-            time=sample.stamp_ns / _NS,
-            lead=self.lead + max(now_ns - sample.stamp_ns, 0) / _NS,
-            max_wall_time=wall_time if first else min(wall_time, 1.0 + LATE / self.settings.rate),
-            fresh=self._fresh,
+            state={},
+            controls={},
+            time=0.0,
+            lead=0.0,
+            max_wall_time=self.settings.max_wall_time,
+            prepare=True,
         )
+        self._ask(request, 0, now_ns)
+
+    def _ask(self, request: ReplanRequest, state_ns: int, now_ns: int) -> None:
         self._number += 1
-        self._asked = self._number, request, sample.stamp_ns, now_ns
-        self._fresh = False
+        self._asked = self._number, request, state_ns, now_ns
         self._submit(request, self._number)
 
     def done(self, number: int, outcome: Outcome, now_ns: int) -> None:
@@ -156,6 +182,10 @@ class Replanner:
             return  # of a run that is over
         _, request, state_ns, asked_ns = self._asked
         self._asked = None
+        if request.prepare:
+            if outcome.code == ResultCode.BAD_REQUEST:
+                self._warn(f'cannot plan anew: {outcome.message}')
+            return
         if outcome.code == ResultCode.SUCCESS and outcome.trajectory is not None:
             self._took.append((now_ns - asked_ns) / _NS)
             start_ns = state_ns + round(request.lead * _NS)

@@ -131,7 +131,8 @@ def test_failure_is_aborted_with_a_code_and_not_published(
     assert not outcome.succeeded
     assert outcome.code == ResultCode.INFEASIBLE
     assert 'no flight was found that keeps all conditions' in outcome.result.message
-    assert 'x_e at ' in outcome.result.message
+    assert 'duration is ' in outcome.result.message
+    assert ' above 0.3;' in outcome.result.message
     assert not outcome.result.report.converged
     assert outcome.trajectory is not None  # the last iterate
     assert len(plans.messages) == 1

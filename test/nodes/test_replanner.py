@@ -85,6 +85,29 @@ def test_plan_begins_when_it_is_expected_to_be_ready() -> None:
     assert asker.status().values['late plans'] == 1
 
 
+def test_problem_is_prepared_before_the_first_state_is_planned_from() -> None:
+    asker = Asker()
+    asker.replanner.prepare(asker.now_ns)
+    assert asker.take(100.0) == 1
+    request, number = asker.asked[0]
+    assert request.prepare
+    asker.replanner.forget()  # the clock has jumped; what is being built is of use all the same
+    assert asker.take(100.5) == 1
+    asker.now = 101.0
+    asker.replanner.done(number, Outcome(ResultCode.INFEASIBLE, 'as it is written'), asker.now_ns)
+    assert (asker.plans, asker.warnings) == ([], [])
+    assert asker.take(101.1) == 2
+    assert not asker.asked[1][0].prepare
+
+
+def test_problem_that_does_not_exist_is_told_at_once() -> None:
+    asker = Asker()
+    asker.replanner.prepare(asker.now_ns)
+    outcome = Outcome(ResultCode.BAD_REQUEST, "no problem 'x'")
+    asker.replanner.done(asker.asked[0][1], outcome, asker.now_ns)
+    assert asker.warnings == ["cannot plan anew: no problem 'x'"]
+
+
 def test_failure_keeps_the_last_plan_and_is_told_once() -> None:
     asker = Asker()
     asker.take(100.0)
@@ -203,6 +226,16 @@ def test_next_plan_begins_on_the_one_before_and_is_quick(horizon: Horizon) -> No
     # 0.1 % is what the plans themselves are good for
     assert second.report.objective == pytest.approx(first.report.objective, rel=1e-3)
     assert second.report.iterations < first.report.iterations / 2
+
+
+def test_first_plan_in_flight_is_quick_once_the_problem_is_prepared() -> None:
+    horizon = Horizon(Planner(), request(), '')
+    written = replan(horizon, prepare=True)
+    assert written.report.verified
+    first = replan(horizon, fresh=True)
+    assert first.report.verified
+    assert first.report.build_s < 0.1 * written.report.build_s
+    assert first.report.iterations < written.report.iterations
 
 
 def test_prediction_flies_the_plan_that_is_in_force(horizon: Horizon) -> None:
