@@ -74,7 +74,12 @@ setup(
         'rich>=13,<16',
     ],
     extras_require={
-        'view': ['rerun-sdk>=0.41,<0.42', 'matplotlib>=3.9,<4', 'pyarrow>=18,<27'],
+        'view': [
+            'rerun-sdk>=0.41,<0.42',
+            'matplotlib>=3.9,<4',
+            'pillow>=10,<14',
+            'pyarrow>=18,<27',
+        ],
         'ulog': ['pyulog>=1,<2'],
         'aero': ['aerosandbox>=4.2.10,<5', 'neuralfoil>=0.3.3,<0.4'],
         'terrain': ['rasterio>=1.4,<2'],  # GeoTIFFs

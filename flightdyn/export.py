@@ -53,7 +53,7 @@ def write_flight(
     if path.suffix == '.mcap':
         from .logs.recording import write_flight_mcap
 
-        write_flight_mcap(flight, path)
+        write_flight_mcap(flight, path, planned)
     elif path.suffix in TABLES:
         from .tables import write_table
 

@@ -2,12 +2,15 @@
 
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
+from flightdyn.cli import _parser
 from flightdyn.environment import surroundings_file, wind_file
 from flightdyn.environment.surroundings_file import read_surroundings
 from flightdyn.planning import problem_file, sweep_file
@@ -128,3 +131,25 @@ def test_a_problem_of_your_own_is_short_and_planned(tmp_path: Path) -> None:
 def test_every_example_is_listed() -> None:
     files = {path.name for path in (ROOT / 'examples').glob('*.py')} - {'common.py'}
     assert files == set(re.findall(r'`(\w+\.py)`', TEXT.partition('## Examples')[2]))
+
+
+def test_viewing_code_runs_and_commands_exist(tmp_path: Path) -> None:
+    pytest.importorskip('rerun')
+    text = (ROOT / 'docs' / 'viewing.md').read_text(encoding='utf-8')
+    for name, run in re.findall(
+        r'^```python( no-run)?\n(.*?)^```', text, re.MULTILINE | re.DOTALL
+    ):
+        compile(run, 'docs/viewing.md', 'exec')
+        if not name:
+            subprocess.run([sys.executable, '-c', run], cwd=tmp_path, check=True)
+            assert len(list(tmp_path.glob('*.rrd'))) == 4
+    from flightdyn.viewing import coloring, flights_view
+
+    commands = re.findall(r'^flightdyn (.*)$', text, re.MULTILINE)
+    assert len(commands) > 6
+    for command in commands:
+        _parser().parse_args(shlex.split(command))
+    for moment in flights_view.MOMENTS:
+        assert f'`{moment}`' in text or f'--align {moment}' in text
+    for quantity in coloring.DERIVED:
+        assert f'`{quantity}`' in text

@@ -28,10 +28,12 @@ def straight() -> Trajectory:
     )
 
 
-def written(path: Path, **more: object) -> str:
-    document = {
+def written(path: Path, around: Surroundings | None = None, **more: object) -> str:
+    document: dict[str, object] = {
         'verified': False, 'converged': False, 'message': 'Infeasible: speed', 'objective': 0.0,
     }  # fmt: skip
+    if around is not None:
+        document['surroundings'] = around.to_dict()
     export.write_flight(path, straight(), document, **more)
     return path.read_text(encoding='utf-8')
 
@@ -39,7 +41,7 @@ def written(path: Path, **more: object) -> str:
 def test_a_figure_of_a_plan_has_surroundings_limits_and_verdict(tmp_path: Path) -> None:
     tower = Surroundings(keep_out=[Cylinder(name='tower', centre=(100.0, 60.0), radius=20.0)])
     # of letters, which are drawn as shapes, the text stands beside in a comment
-    text = written(tmp_path / 'a.svg', surroundings=tower, limits={'speed': (30.0, 40.0)})
+    text = written(tmp_path / 'a.svg', tower, limits={'speed': (30.0, 40.0)})
     assert '<!-- tower -->' in text and 'Infeasible: speed' in text
     assert '<!-- past_a_tower (glider)' in text
     without = written(tmp_path / 'b.svg')

@@ -9,6 +9,8 @@ from ..trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
+STEADY = 1e-9  # m/s, of a wind that does not vary
+
 
 class Reference:
     """States and controls of a plan at any time; beyond its ends, those of the ends.
@@ -84,10 +86,21 @@ class Reference:
 
 
 def planned_wind(plan: Trajectory, otherwise: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
-    """Return the wind (3,) [m/s] that a plan says it was made for, or another."""
-    return np.array(
-        [
-            float(plan.outputs[name][0]) if name in plan.outputs else float(default)
-            for name, default in zip(WIND, np.asarray(otherwise, dtype=float), strict=True)
-        ]
-    )
+    """Return the wind (3,) [m/s] that a plan says it was made for, or another.
+
+    Raises
+    ------
+    InputError
+        If it varies on the plan's way: samples of it do not tell what it is beside that.
+    """
+    found = []
+    for name, default in zip(WIND, np.asarray(otherwise, dtype=float), strict=True):
+        column = plan.outputs.get(name, np.array([default]))
+        if np.ptp(column) > STEADY:
+            raise InputError(
+                f'plan of {plan.problem!r}: {name} varies on its way, and what it is elsewhere '
+                'the trajectory does not tell: fly the plan from its file, '
+                '`flightdyn sim plan.json`'
+            )
+        found.append(float(column[0]))
+    return np.array(found)

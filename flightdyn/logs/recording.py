@@ -7,6 +7,7 @@ every half second of the messages' own time. The same messages make the same fil
 import contextlib
 import threading
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 
@@ -62,6 +63,9 @@ class McapRecorder:
     metadata : mapping of str to str
         Kept in a metadata record `flightdyn` at the beginning of the file: `vehicle`, `model`,
         `problem`, and `origin_lat`, `origin_lon` [deg], `origin_altitude` [m] of the local frame.
+    live : bool
+        Whether messages come as a flight goes on: then no more than the last half second is lost
+        if the process is killed, at the price of many small chunks.
 
     Raises
     ------
@@ -71,7 +75,14 @@ class McapRecorder:
         If it cannot be written to, as on a full disk.
     """
 
-    def __init__(self, path: str | Path, metadata: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        path: str | Path,
+        metadata: Mapping[str, str] | None = None,
+        *,
+        live: bool = True,
+    ) -> None:
+        self._live = live
         self.path = Path(path)
         if not self.path.parent.is_dir():
             raise InputError(f'cannot record to {path}: there is no folder {self.path.parent}')
@@ -150,7 +161,7 @@ class McapRecorder:
             )
             if self._flushed is None:
                 self._flushed = log_time_ns
-            if abs(log_time_ns - self._flushed) >= FLUSH_EVERY_NS:
+            if self._live and abs(log_time_ns - self._flushed) >= FLUSH_EVERY_NS:
                 self._writer.flush()  # type: ignore[no-untyped-call]
                 self._flushed = log_time_ns
 
@@ -191,7 +202,9 @@ class McapRecorder:
         return channel
 
 
-def write_flight_mcap(trajectory: Trajectory, path: str | Path) -> None:
+def write_flight_mcap(
+    trajectory: Trajectory, path: str | Path, planned: Trajectory | None = None
+) -> None:
     """Write a trajectory as a recording of a flight.
 
     Topics: `/sim/state` (VehicleState), `/odom` (Odometry, ENU in `odom`, FLU in `base_link`),
@@ -202,6 +215,8 @@ def write_flight_mcap(trajectory: Trajectory, path: str | Path) -> None:
     trajectory : Trajectory
     path : path
         An existing file is replaced.
+    planned : Trajectory
+        What it was to be; the same unless given.
 
     Raises
     ------
@@ -221,9 +236,11 @@ def write_flight_mcap(trajectory: Trajectory, path: str | Path) -> None:
         metadata['origin_lon'] = repr(float(trajectory.origin.lon))
         metadata['origin_altitude'] = repr(float(trajectory.origin.altitude))
     motion = kinematics(trajectory)
-    with McapRecorder(path, metadata) as recorder:
-        plan = serialize(TRAJECTORY, trajectory_message(trajectory))
-        recorder.write('/plan', TRAJECTORY, plan, int(unix_ns[0]))
+    with McapRecorder(path, metadata, live=False) as recorder:
+        # they begin together, whenever the plan was made
+        plan = replace(planned or trajectory, start_ns=trajectory.start_ns)
+        message = serialize(TRAJECTORY, trajectory_message(plan))
+        recorder.write('/plan', TRAJECTORY, message, int(unix_ns[0]))
         streams = [
             ('/sim/state', VEHICLE_STATE, vehicle_state_messages(trajectory, motion)),
             ('/odom', ODOMETRY, odometry_messages(trajectory, motion)),

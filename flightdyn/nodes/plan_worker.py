@@ -6,6 +6,7 @@ was built stays for the requests to come. The pipe leads to the node that starte
 to nobody else; when it closes, the process ends.
 """
 
+import contextlib
 import sys
 import time
 from collections import OrderedDict
@@ -16,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from ..dynamics.stage import WIND
+from ..dynamics.stage import WIND, WIND_STRENGTH
+from ..environment.wind import ScaledWind
 from ..errors import FlightdynError, ResultCode
 from ..planning.planner import Planner
 from ..planning.problem_file import list_problems
@@ -32,6 +34,7 @@ from .requests import (
 )
 
 FEEDBACK_RATE = 500.0  # Hz, above what solvers do; a reader's queue of 10 overflows beyond
+FLIGHT_S = 0.2  # between iterates that are shown as flights
 MAX_NEAR = 32  # plans from which others of the same kind start
 
 Clock = Callable[[], float]
@@ -46,6 +49,7 @@ class Call:
     body: Any
     config_dir: str = ''
     warm_start: bool = True
+    with_flights: bool = False
 
 
 @dataclass(frozen=True)
@@ -62,10 +66,11 @@ class Ready:
 
 @dataclass(frozen=True)
 class Progressed:
-    """An iteration of a call under way."""
+    """An iteration of a call under way, and now and then the flight that it is."""
 
     number: int
     iteration: Iteration
+    flight: Trajectory | None = None
 
 
 @dataclass(frozen=True)
@@ -162,6 +167,7 @@ class PlanWorker:
         self._horizon: Horizon | None = None
         self._call = Call(0, '', None)
         self._stopped = False
+        self._shown = 0.0
         self._kinds: dict[str, Callable[[Any], Outcome]] = {
             'list': self._list,
             'check': self._check,
@@ -216,13 +222,7 @@ class PlanWorker:
 
     def _plan(self, request: PlanRequest) -> Outcome:
         problem = problem_of_request(request, self._call.config_dir)
-
-        def publish(iteration: Iteration) -> None:
-            # the iterate stays here: what makes a flight of it cannot be sent
-            figures = replace(iteration, variables=None, trajectory=None)
-            self._pipe.send(Progressed(self._call.number, figures))
-
-        progress = Progress(publish)
+        progress = Progress(self._tell)
         warm = self._call.warm_start and request.guess is None
         plan = self._planner.plan(
             problem,
@@ -238,6 +238,15 @@ class PlanWorker:
                 self._plans.popitem(last=False)
         return outcome_of(plan)
 
+    def _tell(self, iteration: Iteration) -> None:
+        flight, now = None, time.monotonic()
+        if self._call.with_flights and iteration.trajectory and now > self._shown + FLIGHT_S:
+            self._shown = now
+            with contextlib.suppress(FlightdynError):  # an iterate may be no flight at all
+                flight = iteration.trajectory()
+        plain = replace(iteration, variables=None, trajectory=None)  # functions do not travel
+        self._pipe.send(Progressed(self._call.number, plain, flight))
+
     def _replan(self, request: ReplanRequest) -> Outcome:
         if self._horizon is None or self._horizon.differs(request):
             self._horizon = Horizon(self._planner, request, self._call.config_dir)
@@ -251,14 +260,19 @@ def outcome_of(plan: Plan) -> Outcome:
 
 
 def with_wind(plan: Plan) -> Trajectory:
-    """Return the plan's trajectory with the wind among its outputs.
+    """Return the plan's trajectory with the wind on its way among its outputs.
 
     The message has no field for it, and who flies the plan needs the same air.
     """
     trajectory = plan.trajectory
+    varying: Any = (0.0, 0.0, 0.0)
+    if plan.wind is not None:
+        x, y, z = (trajectory[name] for name in ('x_e', 'y_e', 'z_e'))
+        strength = trajectory.states.get(WIND_STRENGTH, 1.0)
+        varying = ScaledWind(plan.wind, strength)(x, y, z, trajectory.time)
     wind = {
-        name: np.full(len(trajectory), float(value))
-        for name, value in zip(WIND, plan.wind_ned, strict=True)
+        name: np.full(len(trajectory), float(steady)) + more
+        for name, steady, more in zip(WIND, plan.wind_ned, varying, strict=True)
     }
     return replace(trajectory, outputs={**trajectory.outputs, **wind})
 

@@ -272,6 +272,7 @@ class PlannerNode(BaseNode):
             return checked
         job.wall_time = checked.value
         job.on_iteration = lambda i: goal.handle.publish_feedback(_feedback(i, goal.accepted))
+        job.on_flight = self.view.iteration if self.view is not None else None
         goal.job = job
         self.get_logger().info(f'planning {checked.message}')
         self._queue.submit(job, displace=self.parameters.values.preempt == 'replace')

@@ -9,12 +9,16 @@ from typing import Any, TypeVar
 from numpy.typing import NDArray
 
 from ..logs.messages import kinematics
-from ..replay.opening import Opened
+from ..logs.track import Track
+from ..replay.opening import Opened, open_track
 from ..replay.report import Replay
 from ..trajectory import Columns, Trajectory
 from .convert import fix_msg, motion_at, odometry_msg, path_msg, state_msg, transform_msg
 
 T = TypeVar('T')
+
+_ONE_AT_A_TIME = threading.Lock()
+"""Filters are compiled on first use, and building them is no matter for two threads."""
 
 
 @dataclass(frozen=True)
@@ -44,14 +48,18 @@ class Reel:
     path: Any
 
     @classmethod
-    def first(cls, opened: Opened) -> 'Reel':
-        """Return what of a log can be shown at once."""
+    def first(cls, track: Track, *, whole: bool = False) -> 'Reel':
+        """Return what of a log can be shown at once, or all of it."""
+        with _ONE_AT_A_TIME:
+            opened = open_track(track, whole=whole)
         return cls._of(opened, opened.known, opened.complete)
 
     @classmethod
     def whole(cls, opened: Opened) -> 'Reel':
         """Return all of a log; of a long one it takes its time."""
-        return cls._of(opened, opened.whole(), True)
+        with _ONE_AT_A_TIME:
+            replay = opened.whole()
+        return cls._of(opened, replay, True)
 
     @classmethod
     def _of(cls, opened: Opened, replay: Replay, complete: bool) -> 'Reel':
@@ -104,23 +112,15 @@ class Reel:
         return transform_msg(motion_at(self.motion, index), int(self.stamps[index]))
 
 
-_ONE_AT_A_TIME = threading.Lock()
-"""Models are compiled on first use, and building them is no matter for two threads."""
-
-
 def in_background(work: Callable[[], T]) -> 'Future[T]':
-    """Return the future result of work on a thread that no one waits for at the end.
-
-    Work that is asked for while other goes on waits for it.
-    """
+    """Return the future result of work on a thread that no one waits for at the end."""
     future: Future[T] = Future()
 
     def run() -> None:
-        with _ONE_AT_A_TIME:
-            try:
-                future.set_result(work())
-            except BaseException as error:
-                future.set_exception(error)
+        try:
+            future.set_result(work())
+        except BaseException as error:
+            future.set_exception(error)
 
     threading.Thread(target=run, name='replay', daemon=True).start()
     return future

@@ -32,8 +32,8 @@ from flightdyn_msgs.srv import (
 )
 
 from ..errors import FlightdynError, InputError
+from ..logs.any_log import read_track
 from ..replay.moments import moment, names_event
-from ..replay.opening import open_replay
 from ..replay.player import Player, checked_rate
 from .base import LATCHED, SENSOR, STATE, BaseNode
 from .convert import MAP, header, nanoseconds, static_transform_msgs, time_msg
@@ -253,17 +253,12 @@ class ReplayNode(BaseNode):
     def _opened(
         self, path: Path, source: str, start_at: str, *, start: float = 0.0, end: float = 0.0
     ) -> Reel:
-        opened = open_replay(
-            path,
-            source=source or None,
-            start=start or None,
-            end=end or None,
-            # a take-off cannot be found before everything is reconstructed
-            whole=self.parameters.values.whole_first or names_event(start_at),
-        )
-        reel = Reel.first(opened)
-        if start_at:
-            moment(start_at, reel.flown, now=0.0, end=opened.end)  # refuse before it is shown
+        track = read_track(path, source=source or None, start=start or None, end=end or None)
+        # a take-off cannot be found before everything is reconstructed
+        whole = self.parameters.values.whole_first or names_event(start_at)
+        reel = Reel.first(track, whole=whole)
+        if start_at:  # refuse before it is shown
+            moment(start_at, reel.flown, now=0.0, end=reel.opened.end)
         return reel
 
     def _put_in(self, reel: Reel, start_at: str) -> None:
@@ -281,15 +276,20 @@ class ReplayNode(BaseNode):
             player.seek(moment(start_at, flown, now=0.0, end=reel.opened.end))
         self._reel, self._player = reel, player
         self._forget()
+        self._rest = None
         if reel.complete:
-            self._rest = None
             self._report(reel)
         else:
-            self._rest = in_background(lambda: Reel.whole(reel.opened))
             self.get_logger().info(
                 f'the first {len(flown)} of {len(reel.opened.track)} samples can be played; '
                 'the rest is being reconstructed'
             )
+
+    def _seek_rest(self) -> None:
+        """Begin to reconstruct the whole log, once its first samples are on their way."""
+        reel = self._showing
+        if self._rest is None and not reel.complete:
+            self._rest = in_background(lambda: Reel.whole(reel.opened))
 
     def _take_rest(self) -> None:
         """Go on with the whole log as soon as it is there."""
@@ -476,11 +476,9 @@ class ReplayNode(BaseNode):
             return
         self._behind_since = None
         self._enqueue(self._playing.advance())
-        if (
-            self._play_pending()
-            and self._playing.is_finished
-            and self.parameters.values.exit_at_end
-        ):
+        played = self._play_pending()
+        self._seek_rest()
+        if played and self._playing.is_finished and self.parameters.values.exit_at_end:
             self._publish_progress()
             self.get_logger().info('everything was played')
             self.end()

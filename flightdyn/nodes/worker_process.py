@@ -16,6 +16,7 @@ from typing import Any
 
 from ..errors import ResultCode
 from ..planning.solver import Iteration
+from ..trajectory import Trajectory
 from .plan_worker import Answer, Call, Clock, Outcome, Progressed, Ready, Stop
 
 GRACE_S = 1.0
@@ -37,6 +38,8 @@ class Job:
     on_done : function of an Outcome
         Called once, in whatever thread, with no lock held.
     on_iteration : function of an Iteration
+    on_flight : function of the number of an iteration and its Trajectory, optional
+        Some iterates, to look at.
     wall_time : float
         After this and `GRACE_S` the process is ended [s]; it should have stopped by itself.
     """
@@ -45,6 +48,7 @@ class Job:
     body: Any
     on_done: Callable[[Outcome], None]
     on_iteration: Callable[[Iteration], None] = lambda _: None
+    on_flight: Callable[[int, Trajectory], None] | None = None
     wall_time: float = 60.0
     reason: str = ''
     began: float | None = field(default=None, init=False)
@@ -175,7 +179,14 @@ class WorkerProcess:
             return
         self._numbers += 1
         job.began = self._clock()
-        call = Call(self._numbers, job.kind, job.body, self._config_dir, self._warm_start)
+        call = Call(
+            self._numbers,
+            job.kind,
+            job.body,
+            self._config_dir,
+            self._warm_start,
+            with_flights=job.on_flight is not None,
+        )
         with contextlib.suppress(OSError):  # it has just died: the reader will see to it
             self._pipe.send(call)
 
@@ -196,6 +207,8 @@ class WorkerProcess:
             return
         if isinstance(message, Progressed):
             job.on_iteration(message.iteration)
+            if message.flight is not None and job.on_flight is not None:
+                job.on_flight(message.iteration.number, message.flight)
         elif isinstance(message, Answer):
             outcome = message.outcome
             if outcome.code == ResultCode.CANCELLED and job.reason:

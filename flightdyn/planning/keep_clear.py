@@ -1,6 +1,6 @@
 """Conditions that surroundings put on a flight, and those that cannot be kept from the outset."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 
 import numpy as np
@@ -54,6 +54,7 @@ def check_surroundings(
             for told in _in_the_way(surroundings, x, y, -z):
                 raise InputError(f'{name}: {group}: the flight {_WORDS[group]} {told}')
     for gate in surroundings.gates:
+        _check_within(f'{name}: gates.{gate.name}', list(_opening(gate)), path)
         tried = [list(_in_the_way(surroundings, *place)) for place in _opening(gate)]
         if all(tried):
             middle = tried[len(tried) // 2]
@@ -76,6 +77,19 @@ def _check_on_map(where: str, surroundings: Surroundings, given: Bounds) -> None
                     f'{where}.{axis}: {value:g} m is off the map of the terrain, which goes from '
                     f'{line[0]:g} to {line[-1]:g} m: take a larger map, or fly within it'
                 )
+
+
+def _check_within(where: str, opening: Sequence[tuple[float, float, float]], path: Bounds) -> None:
+    for axis, values in zip(AXES, np.transpose(opening), strict=True):
+        lower, upper = path.get(axis, (-np.inf, np.inf))
+        told = axis
+        if axis == 'z_e':
+            lower, upper, told = 0.0 - upper, 0.0 - lower, 'altitude'
+        if values.max() < lower or values.min() > upper:
+            raise InputError(
+                f'{where}: cannot be flown through: {told} in it is {values.min():g} to '
+                f'{values.max():g} m, path.{told} allows {lower:g} to {upper:g} m'
+            )
 
 
 def _in_the_way(surroundings: Surroundings, x: float, y: float, altitude: float) -> Iterator[str]:

@@ -269,7 +269,8 @@ class Run:
         problem, attempt, verification = self.problem, found.attempt, found.verification
         code = attempt.solution.code
         verified = found.within(problem.tolerance)
-        arcs = arcs_of(problem, attempt) if attempt.problem.phases != problem.phases else []
+        arced = attempt.problem.phases and not problem.phases
+        arcs = arcs_of(problem, attempt) if arced else []
         if code == ResultCode.SUCCESS and not verified:
             code = ResultCode.NOT_VERIFIED
         trajectory = trajectory_of(problem, found.way, found.states)

@@ -1,7 +1,6 @@
 """Long logs: the first samples at once, all of them when they are reconstructed."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -47,29 +46,14 @@ class Opened:
         return float(int(self.track.time_ns.max()) - int(self.track.time_ns[0])) / 1e9
 
 
-def open_replay(
-    path: str | Path,
-    *,
-    source: str | None = None,
-    start: float | None = None,
-    end: float | None = None,
-    whole: bool = False,
-) -> Opened:
-    """Return a log as soon as its first samples can be shown.
+def open_track(track: Track, *, whole: bool = False) -> Opened:
+    """Return a log that was read, as soon as its first samples can be shown.
 
     Parameters
     ----------
-    path, source, start, end
-        As for `replay_log`.
+    track : Track
     whole : bool
         Reconstruct all of it at once, however long that takes.
-
-    Raises
-    ------
-    LogError
-        If the log cannot be read or has no usable position.
-    InputError
-        If the source or the range has no samples.
 
     Notes
     -----
@@ -77,9 +61,6 @@ def open_replay(
     noise and the manoeuvres are estimated from them alone, and they are judged without those
     that follow. Where a flight goes on as it began, the two differ by a fraction of the 1-sigma.
     """
-    from ..logs.any_log import read_track
-
-    track = read_track(path, source=source, start=start, end=end)
     if whole or len(track) <= AT_ONCE:
         return Opened(track, replay_track(track), complete=True)
     known = replay_track(track.first(FIRST + AHEAD))

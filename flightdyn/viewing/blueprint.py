@@ -17,6 +17,7 @@ except ImportError as error:
 
 SKY = [22, 30, 42]
 MAX_PLOT_ROWS = 6
+STEADY = 1e-7  # of the largest value: what a solver leaves of a control that is at its limit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,7 +215,7 @@ def _plots(groups: Sequence[Group], lanes: int) -> rrb.Container:
             origin='/lanes', name='Phases', time_view=rrb.TimeAxis(view_range=_whole_flight())
         )
         views.append(lane)
-        shares.append(1.2 + 0.5 * lanes)
+        shares.append(1.2 + 0.9 * lanes)
     return rrb.Vertical(*views, row_shares=shares)
 
 
@@ -245,8 +246,8 @@ def _value_range(group: Group) -> tuple[float, float]:
             low = min(low, float(np.quantile(s.values - s.std, 0.05)))
             high = max(high, float(np.quantile(s.values + s.std, 0.95)))
     largest = max(abs(low), abs(high))
-    # what differs by rounding alone is constant: enlarged, it would look like noise
-    steady = high - low < 1e-9 * largest
+    # what differs by so little is constant: enlarged, it would look like noise
+    steady = high - low < STEADY * largest
     air = 0.08 * (high - low) if high > low and not steady else max(0.05 * largest, 0.05)
     return low - air, high + air
 

@@ -70,6 +70,8 @@ def flight_lanes(motion: Motion) -> list[Lane]:
 
 def _figure(value: float, digits: int) -> str:
     """Return a number to some digits; what rounds to nothing is 0, never -0 or 1e-17."""
+    if abs(value) >= 10**digits:
+        return f'{value:.0f}'
     return f'{value:.{digits}g}' if abs(value) >= 5e-4 else '0'
 
 

@@ -44,8 +44,9 @@ def mesh_for(
     Parameters
     ----------
     vehicle : str
-        A name that contains 'quad' or 'drone' (0.1 m between rotors), 'glider' or 'discus'
-        (15 m span), 'cessna' (10.2 m span), 'rocket' (70 m long) or 'balloon' (0.25 m).
+        A name that contains 'quad' or 'drone' (0.1 m between rotors), 'paraglid' (11 m span),
+        'glider', 'soar' or 'discus' (15 m), 'cessna' (10.2 m), 'plane' (11 m), 'rocket' (70 m
+        long) or 'balloon' (0.25 m).
     geometry : mapping
         As `vehicles.geometry` reads it.
     motion : Motion
@@ -76,7 +77,9 @@ def mesh_for(
     name = vehicle.lower()
     if 'quad' in name or 'drone' in name or 'copter' in name:
         return quadcopter()
-    if 'glider' in name or 'discus' in name or 'sailplane' in name:
+    if 'paraglid' in name:
+        return paraglider()
+    if 'glider' in name or 'discus' in name or 'soar' in name or 'sailplane' in name:
         return glider()
     if 'rocket' in name:
         return rocket()
@@ -84,7 +87,7 @@ def mesh_for(
         return balloon()
     if 'cessna' in name:
         return aeroplane(10.2)
-    if motion is None:
+    if motion is None or 'plane' in name:
         return aeroplane(11.0)
     fast = float(np.quantile(motion.speed, 0.9)) > 110.0
     shape = quadcopter(0.5) if motion.hovers else airliner() if fast else aeroplane(11.0)
@@ -129,6 +132,21 @@ def glider(span: float = 15.0) -> Mesh:
         parts.append(wing(*inner, 0.95, 0.55, 0.13, WHITE))
         parts.append(wing(inner[1], (0.1, side * scale, -0.56), 0.55, 0.28, 0.06, color))
     return join(parts).scaled(half / scale)
+
+
+@cache
+def paraglider() -> Mesh:
+    """Return a paraglider of 11 m span and its pilot, the origin between them."""
+    angle = np.linspace(-1.1, 1.1, 9)
+    ribs = [(0.4, 6.2 * np.sin(a), 1.0 - 7.0 * np.cos(a)) for a in angle]
+    chords = 2.6 * np.sqrt(1 - (angle / 1.35) ** 2)
+    parts = [box((0.0, 0.0, 1.0), (0.4, 0.5, 1.1), DARK), disc((0.1, 0, 0.35), 0.14, 0.3, GREY)]
+    for k in range(8):
+        color = RED if k == 0 else GREEN if k == 7 else ORANGE if k % 2 else WHITE
+        parts.append(wing(ribs[k], ribs[k + 1], chords[k], chords[k + 1], 0.3, color))
+    for k in (1, 3, 5, 7):
+        parts.append(bar((0.0, 0.0, 0.5), np.array(ribs[k]), 0.03, GREY))
+    return join(parts)
 
 
 @cache

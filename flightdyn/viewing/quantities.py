@@ -101,8 +101,9 @@ def plot_groups(trajectory: Trajectory, motion: Motion) -> list[Group]:
     Returns
     -------
     list of Group
-        Altitude, speed, angles, track, rates, load factor, the controls by unit, states beside
-        the motion's, lift and drag. Outputs that are 0 throughout are left out.
+        Altitude, speed, angles, track, rates, the controls by unit, states beside the motion's,
+        load factor, lift and drag. Outputs that are 0 throughout, and angles that tell nothing of
+        such a vehicle, are left out.
     """
     altitude_std = 'altitude_std' if 'altitude_std' in trajectory else 'z_e_std'
     groups = [
@@ -116,7 +117,10 @@ def plot_groups(trajectory: Trajectory, motion: Motion) -> list[Group]:
     shown = {'altitude', 'speed', 'airspeed'}
     angles = _present(trajectory, ('gamma', 'alpha', 'beta', 'bank', 'phi', 'theta'))
     track = _present(trajectory, ('track', 'psi'))
-    if 'alpha' in trajectory and not {'theta', 'qw'} & {*trajectory.states}:
+    if {'theta', 'qw'} & {*trajectory.states}:
+        if 'lift' not in trajectory:  # what rotors carry feels no angle of attack
+            angles = [name for name in angles if name in ('gamma', 'phi', 'theta')]
+    elif 'alpha' in trajectory:
         # of a point mass they say nothing that gamma, alpha, track and bank do not
         angles = [name for name in angles if name not in ('phi', 'theta')]
         track = [name for name in track if name != 'psi']
@@ -128,9 +132,8 @@ def plot_groups(trajectory: Trajectory, motion: Motion) -> list[Group]:
     groups.append(_group('track', _listing(track), turns))
     rates = _present(trajectory, ('p', 'q', 'r'))
     groups.append(_group('rates', 'Rates', [_series(trajectory, a) for a in rates]))
+    shown |= {*angles, *track, *rates}
     load = _present(trajectory, ('load_factor',))
-    groups.append(_group('load_factor', 'Load factor', [_series(trajectory, a) for a in load]))
-    shown |= {*angles, *track, *rates, *load}
     forces = _present(trajectory, ('lift', 'drag'))
     others = [name for name in trajectory.states if name not in _MOTION]
     for kind, columns in (('controls', trajectory.controls), ('states', others)):
@@ -141,6 +144,7 @@ def plot_groups(trajectory: Trajectory, motion: Motion) -> list[Group]:
         for i, names in enumerate(by_unit.values()):
             key = kind if i == 0 else f'{kind}_{i + 1}'
             groups.append(_group(key, _listing(names), [_series(trajectory, a) for a in names]))
+    groups.append(_group('load_factor', 'Load factor', [_series(trajectory, a) for a in load]))
     groups.append(_group('forces', 'Lift, drag', [_series(trajectory, a) for a in forces]))
     return [group for group in groups if group.series]
 

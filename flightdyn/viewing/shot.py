@@ -59,8 +59,9 @@ def save_shot(
     at : float
         Seconds from the start of the timeline; its start unless given.
     view : str
-        Only the view with this name, such as 'Overview'.
+        Only the view with this name, such as 'Overview', without the bars of the window.
     size : (width, height) [px]
+        Of the window.
 
     Raises
     ------
@@ -81,8 +82,8 @@ def save_animation(
     recordings: Sequence[str | Path],
     path: str | Path,
     *,
-    seconds: float = 6.0,
-    rate: float = 12.0,
+    seconds: float = 4.0,
+    rate: float = 10.0,
     view: str | None = None,
     size: tuple[int, int] = (960, 600),
 ) -> None:

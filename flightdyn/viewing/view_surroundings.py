@@ -68,7 +68,7 @@ def _log_terrain(rec: rr.RecordingStream, terrain: Terrain) -> str:
     normal = np.stack([-slope_x, -slope_y, np.ones_like(height)], axis=-1)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     up = normal * (1.0, 1.0, -1.0)
-    light = np.clip(up @ _LIGHT, 0, 1) * 0.75 + 0.35
+    light = np.clip(up @ _LIGHT, 0, 1) * 0.8 + 0.5
     step = contour_step(high - low)
     share = (height - low) / max(high - low, 1e-9) * (len(_TINTS) - 1)
     tint = np.stack([np.interp(share, np.arange(len(_TINTS)), _TINTS[:, i]) for i in range(3)], -1)

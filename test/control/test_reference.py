@@ -52,6 +52,9 @@ def test_a_single_sample_is_held() -> None:
 def test_wind_is_that_of_the_plan() -> None:
     plan = Trajectory(time=np.zeros(1), states={}, outputs={'wind_y_e': np.full(1, 3.0)})
     assert planned_wind(plan, (1.0, 2.0, 0.5)).tolist() == [1.0, 3.0, 0.5]
+    varying = Trajectory(time=TIME, states={}, outputs={'wind_z_e': TIME})
+    with pytest.raises(InputError, match=r'wind_z_e varies on its way.*flightdyn sim plan.json'):
+        planned_wind(varying)
 
 
 @pytest.mark.parametrize('missing', ['theta', 'thrust_right'])

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import textwrap
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -107,6 +108,18 @@ def test_plan_comes_back_whole(climb: Trajectory, tmp_path: Path) -> None:
         assert_allclose(plan[name], column, rtol=1e-14)  # alpha went through radians
     for name in ('model', 'vehicle', 'problem', 'start_ns', 'origin', 'control_interpolation'):
         assert getattr(plan, name) == getattr(climb, name)
+
+
+def test_a_flown_plan_is_recorded_beside_the_flight(climb: Trajectory, tmp_path: Path) -> None:
+    """What was recorded as the plan was once the flight itself."""
+    path = tmp_path / 'flight.mcap'
+    states = {**climb.states, 'speed': climb['speed'] + 1}
+    planned = replace(climb, states=states, start_ns=0)
+    write_flight_mcap(climb, path, planned)
+    (plan,) = read_plans(path)
+    assert_allclose(plan['speed'], climb['speed'] + 1, rtol=1e-14)
+    assert plan.start_ns == climb.start_ns
+    assert_allclose(read_flights(path)[0]['speed'], climb['speed'], rtol=1e-14)
 
 
 def test_flight_comes_back_with_states_and_controls(climb: Trajectory, tmp_path: Path) -> None:

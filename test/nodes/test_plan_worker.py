@@ -6,6 +6,7 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from typing import Any
 
+import numpy as np
 import pytest
 
 from flightdyn.errors import InputError, ResultCode
@@ -17,9 +18,12 @@ from flightdyn.nodes.plan_worker import (
     Progressed,
     Ready,
     Stop,
+    with_wind,
 )
 from flightdyn.nodes.receding import ReplanRequest
 from flightdyn.nodes.requests import EvaluateRequest, PlanRequest
+from flightdyn.planning.planner import Planner
+from flightdyn.planning.problem_file import load_problem
 from flightdyn.planning.solver import Iteration
 
 FLIP = 'quadcopter_flip'
@@ -183,6 +187,28 @@ def test_plan_comes_with_wind_report_and_iterations(pipe: Connection) -> None:
     assert again.code == ResultCode.SUCCESS
     assert again.report.build_s < outcome.report.build_s
     assert again.report.iterations < outcome.report.iterations
+
+
+def test_wind_that_varies_comes_as_it_is_on_the_way() -> None:
+    plan = Planner().plan(load_problem('dynamic_soaring', ['nodes=40', 'wind_ned=[1, 0, 0]']))
+    flight = with_wind(plan)
+    shear = 0.1 * flight['wind_strength']  # from the west, by the height
+    np.testing.assert_allclose(flight['wind_x_e'], 1.0, atol=1e-12)
+    np.testing.assert_allclose(flight['wind_y_e'], -shear * flight['z_e'], atol=1e-9)
+    np.testing.assert_allclose(flight['wind_z_e'], 0.0, atol=1e-12)
+
+
+def test_some_iterates_come_as_flights_if_asked_for(pipe: Connection) -> None:
+    """Iterations that carry a function used to end the plan: it cannot go through a pipe."""
+    pipe.send(Call(1, 'plan', request(final={'x_e': (1.7, 1.7)}), with_flights=True))
+    flights, iterations = [], 0
+    while isinstance(message := pipe.recv(), Progressed):
+        iterations += 1
+        if message.flight is not None:
+            flights.append(message.flight)
+    assert message.outcome.code == ResultCode.SUCCESS
+    assert 1 <= len(flights) <= iterations
+    assert set(flights[0].states) == set(message.outcome.trajectory.states)
 
 
 def test_without_warm_start_equal_requests_give_equal_plans(pipe: Connection) -> None:

@@ -14,7 +14,12 @@ from ros_support import DISCUS, command, need_ros
 need_ros()
 
 from builtin_interfaces.msg import Duration, Time  # noqa: E402
+from lifecycle_msgs.msg import Transition  # noqa: E402
+from lifecycle_msgs.srv import ChangeState  # noqa: E402
+from mcap.writer import Writer  # noqa: E402
 from nav_msgs.msg import Odometry, Path  # noqa: E402
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue  # noqa: E402
+from rcl_interfaces.srv import SetParameters  # noqa: E402
 from rclpy.qos import QoSProfile  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 from sensor_msgs.msg import NavSatFix  # noqa: E402
@@ -23,9 +28,9 @@ from std_srvs.srv import Trigger  # noqa: E402
 from flightdyn.logs.messages import (  # noqa: E402
     NAV_SAT_FIX,
     fix_messages,
+    schema_text,
     serialize,
 )
-from flightdyn.logs.recording import McapRecorder  # noqa: E402
 from flightdyn.nodes.base import LATCHED, SENSOR  # noqa: E402
 from flightdyn.nodes.client import Session  # noqa: E402
 from flightdyn.nodes.convert import nanoseconds, time_msg  # noqa: E402
@@ -66,13 +71,19 @@ def write_fixes(path: FilePath, number: int, rate: float) -> None:
     lat = 47 + (north + noise[:, 0]) / DEGREE
     lon = 8 + (east + noise[:, 1]) / DEGREE / np.cos(np.radians(47))
     altitude = 1000 + 100 * np.sin(t / 100) + noise[:, 2]
-    with McapRecorder(path) as recorder:
+    with path.open('wb') as file:
+        writer = Writer(file)  # in chunks of 1 MB, as recorders write them
+        writer.start(profile='ros2')
+        definition = schema_text(NAV_SAT_FIX).encode()
+        schema = writer.register_schema(NAV_SAT_FIX, 'ros2msg', definition)
+        channel = writer.register_channel('/fix', 'cdr', schema)
         for i, values in enumerate(np.stack((lat, lon, altitude), axis=1).tolist()):
             ns = 1_700_000_000 * 10**9 + round(t[i] * 1e9)
             struct.pack_into('<iI', data, 4, ns // 10**9, ns % 10**9)
             for place, value in zip(at, values, strict=True):
                 struct.pack_into('<d', data, place, value)
-            recorder.write('/fix', NAV_SAT_FIX, bytes(data), ns)
+            writer.add_message(channel, ns, bytes(data), ns)
+        writer.finish()
 
 
 class Playback:
@@ -306,6 +317,39 @@ def test_load_another_log_below_the_root(playback: Playback) -> None:
         assert not refused.success
         assert words in refused.message
     assert playback.call('load', Load, log=str(DISCUS)).success
+
+
+def test_takes_another_log_when_configured_anew(ros: None, session: Session) -> None:
+    other = DISCUS.with_name('px4_zurich_navsatfix.mcap')
+    parameters = {**PIECE, 'autostart': False, 'clock_rate': 0.0, 'max_gap': 5.0, 'paused': True}
+    with NodeProcess('replay', namespace='/w', **parameters) as process:
+
+        def change(transition: int) -> None:
+            request = ChangeState.Request(transition=Transition(id=transition))
+            assert session.call(ChangeState, '/w/replay/change_state', request).success
+
+        def set_log(log: str) -> Any:
+            value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=log)
+            request = SetParameters.Request(parameters=[Parameter(name='log', value=value)])
+            return session.call(SetParameters, '/w/replay/set_parameters', request).results[0]
+
+        refused = session.call(Trigger, '/w/replay/resume')
+        assert not refused.success
+        assert 'ros2 lifecycle set /w/replay configure' in refused.message
+        change(Transition.TRANSITION_CONFIGURE)
+        change(Transition.TRANSITION_ACTIVATE)
+        progress = session.subscribe(PlayProgress, '/w/replay/progress', LATCHED)
+        assert progress.wait()[-1].log == str(DISCUS)
+        assert not set_log(str(other)).successful
+        change(Transition.TRANSITION_DEACTIVATE)
+        change(Transition.TRANSITION_CLEANUP)
+        assert set_log(str(other)).successful
+        change(Transition.TRANSITION_CONFIGURE)
+        change(Transition.TRANSITION_ACTIVATE)
+        progress.wait(lambda got: got[-1].log == str(other))
+        clocks = session.node.get_publishers_info_by_topic('/clock')
+        assert '/w' not in [end.node_namespace for end in clocks]
+        process.check()
 
 
 @pytest.mark.slow  # writes and reconstructs 32,000 samples: 5 s of CPU

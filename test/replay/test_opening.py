@@ -7,7 +7,7 @@ import pytest
 
 from flightdyn.logs.any_log import read_track
 from flightdyn.replay import opening
-from flightdyn.replay.opening import open_replay
+from flightdyn.replay.opening import open_track
 from flightdyn.replay.report import replay_log, replay_track
 
 DISCUS = Path(__file__).parents[1] / 'data/discus2_thermal.mcap'
@@ -22,7 +22,7 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_short_log_is_complete_at_once() -> None:
-    opened = open_replay(DISCUS, end=100.0)
+    opened = open_track(read_track(DISCUS, end=100.0))
     assert opened.complete
     assert opened.whole() is opened.known
     assert opened.end == 100.0
@@ -30,7 +30,7 @@ def test_a_short_log_is_complete_at_once() -> None:
 
 
 def test_the_whole_is_what_replay_log_returns(short: None) -> None:
-    opened = open_replay(DISCUS, start=10.0)
+    opened = open_track(read_track(DISCUS, start=10.0))
     assert not opened.complete
     whole, expected = opened.whole().trajectory, replay_log(DISCUS, start=10.0).trajectory
     for name, values in expected.columns.items():
@@ -39,7 +39,7 @@ def test_the_whole_is_what_replay_log_returns(short: None) -> None:
 
 
 def test_what_is_shown_first_is_a_replay_of_a_shorter_log(short: None) -> None:
-    known = open_replay(DISCUS).known.trajectory
+    known = open_track(read_track(DISCUS)).known.trajectory
     assert len(known) == 400
     shorter = replay_track(read_track(DISCUS).first(460)).trajectory
     np.testing.assert_array_equal(known['speed'], shorter['speed'][:400])
@@ -47,7 +47,7 @@ def test_what_is_shown_first_is_a_replay_of_a_shorter_log(short: None) -> None:
 
 def test_what_is_shown_first_is_near_the_whole(short: None) -> None:
     """A glider circles from the first to the last sample: it goes on as it began."""
-    opened = open_replay(DISCUS)
+    opened = open_track(read_track(DISCUS))
     known, whole = opened.known.trajectory, opened.whole().trajectory
     np.testing.assert_array_equal(known.time, whole.time[:400])
     for name in ('x_e', 'y_e', 'z_e', 'speed'):
@@ -56,7 +56,7 @@ def test_what_is_shown_first_is_near_the_whole(short: None) -> None:
 
 
 def test_whole_on_demand(short: None) -> None:
-    assert open_replay(DISCUS, whole=True).complete
+    assert open_track(read_track(DISCUS), whole=True).complete
 
 
 def test_track_first_cuts_every_column() -> None:

@@ -1,5 +1,11 @@
 """Recordings, read back from the file."""
 
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -179,3 +185,32 @@ def test_play_speed_fits_the_flight():
     assert playback_speed(0.8) == 0.1
     assert playback_speed(10.0) == 1.0
     assert playback_speed(15_914.0) == 200.0
+
+
+def test_recordings_pass_the_check_of_rerun_itself(tmp_path):
+    save_rrd(tmp_path / 'a.rrd', soaring(), planned=soaring(300))
+    program = Path(sys.executable).with_name('rerun')
+    if not program.exists():
+        pytest.skip('no rerun beside this Python')
+    command = [program, 'rrd', 'verify', tmp_path / 'a.rrd']
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.slow
+def test_a_million_samples_are_written_in_seconds(tmp_path):
+    n = 1_000_000
+    few = soaring(1000, gap=False)
+    flight = replace(
+        few,
+        time=np.arange(n) * 0.1,
+        segment=np.zeros(n, int),
+        **{
+            group: {name: np.resize(values, n) for name, values in getattr(few, group).items()}
+            for group in ('states', 'controls', 'outputs')
+        },
+    )
+    began = time.process_time()
+    save_rrd(tmp_path / 'a.rrd', flight)
+    assert time.process_time() - began < 3.0  # s of CPU time; 1.5 were measured
+    assert (tmp_path / 'a.rrd').stat().st_size < 100e6

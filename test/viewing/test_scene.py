@@ -9,14 +9,15 @@ from flights import flip, soaring
 
 from flightdyn.environment.geodesy import GeodeticPoint
 from flightdyn.trajectory import Trajectory
-from flightdyn.viewing import meshes, scenery, solids
+from flightdyn.viewing import events, meshes, scenery, solids
 from flightdyn.viewing.blueprint import _value_range
 from flightdyn.viewing.coloring import coloring_of
 from flightdyn.viewing.kinematics import motion_of
-from flightdyn.viewing.quantities import Group, Series
+from flightdyn.viewing.quantities import Group, Series, plot_groups
 
 SHAPES = [
-    meshes.quadcopter(), meshes.glider(), meshes.aeroplane(), meshes.rocket(), meshes.balloon()
+    meshes.quadcopter(), meshes.glider(), meshes.aeroplane(), meshes.rocket(), meshes.balloon(),
+    meshes.paraglider(), meshes.airliner(), solids.sphere(),
 ]  # fmt: skip
 
 
@@ -30,6 +31,11 @@ def test_meshes_are_closed_low_poly_and_lit_from_outside(mesh):
     a, b, c = np.moveaxis(mesh.vertices.reshape(-1, 3, 3).astype(float), 1, 0)
     outward = np.einsum('ij,ij->i', np.cross(b - a, c - a), mesh.normals[::3])
     assert (outward > 0).all()
+
+
+def test_large_altitudes_are_written_out():
+    assert events._figure(12_000.0, 4) == '12000'  # it was 1.2e+04
+    assert events._figure(-1e-17, 3) == '0'
 
 
 def test_sizes_and_sides():
@@ -144,3 +150,29 @@ def test_rounding_of_a_constant_is_not_blown_up():
     low, high = _value_range(Group('load', 'Load factor', '-', (Series('n', values),)))
     assert low < 1.6
     assert high > 1.7
+
+
+def test_plots_leave_out_what_tells_nothing_of_a_vehicle():
+    n = 5
+    zero, one = np.zeros(n), np.ones(n)
+    angles = dict.fromkeys(('gamma', 'alpha', 'phi', 'psi'), one)
+    rotors = Trajectory(
+        time=np.arange(5.0),
+        states={'x_e': one, 'z_e': one, 'theta': one, 'q': one, 'charge': one},
+        controls={'thrust_left': one},
+        outputs={**angles, 'beta': zero, 'p': zero, 'load_factor': one},
+    )
+    keys = {g.key: [s.name for s in g.series] for g in plot_groups(rotors, motion_of(rotors))}
+    assert keys == {
+        'altitude': ['altitude'], 'speed': ['speed'], 'angles': ['gamma', 'phi', 'theta'],
+        'track': ['psi'], 'rates': ['q'], 'controls': ['thrust_left'], 'states': ['charge'],
+        'load_factor': ['load_factor'],
+    }  # fmt: skip
+    plane = replace(rotors, outputs={**rotors.outputs, 'lift': one, 'drag': zero})
+    found = {g.key: [s.name for s in g.series] for g in plot_groups(plane, motion_of(plane))}
+    assert found['angles'] == ['gamma', 'alpha', 'phi', 'theta']
+    assert found['forces'] == ['lift']
+    point = replace(rotors, states={'x_e': one}, outputs={**angles, 'theta': one})
+    found = {g.key: [s.name for s in g.series] for g in plot_groups(point, motion_of(point))}
+    assert found['angles'] == ['gamma', 'alpha']
+    assert 'track' not in found

@@ -139,3 +139,12 @@ def test_what_nobody_named_is_drawn_by_how_it_moves():
     sizes = [meshes.mesh_for('', motion=m).size for m in (motion, hovering, fast)]
     expected = [meshes.aeroplane(11.0), meshes.quadcopter(0.5), meshes.airliner()]
     assert sizes == pytest.approx([mesh.size for mesh in expected])
+
+
+@pytest.mark.parametrize(
+    ('name', 'size'),
+    [('igc_paraglider', 11.05), ('ASW 27 glider', 15), ('my_plane', 11), ('Cessna 172', 10.2)],
+)
+def test_names_tell_what_flies(name, size):
+    standing = replace(motion_of(soaring()), speed=np.zeros(600))
+    assert meshes.mesh_for(name, motion=standing).size == pytest.approx(size, rel=0.02)
