@@ -81,6 +81,14 @@ GOLDEN: dict[str, dict[str, Any]] = {
         'exposure of all, fast': approx(104.36, abs=0.1),
         'duration, quiet': approx(300, abs=0.1),  # all that is allowed
     },
+    'tracked_flip': {
+        # closed form: turning is free of all else, and its acceleration a twentieth too small
+        'turned open-loop': approx(-360 / 1.05, abs=0.01),
+        'place missed by feedback': approx(2.5, abs=2.5),  # promised: 5 cm and 5 degrees
+        'turned by feedback': approx(-360, abs=5),
+        # never faster than with all of the rotors' range, 0.8240737 s
+        'duration of the flip': approx(0.89, abs=0.06),
+    },
     'cessna152_polar': {  # AeroBuildup of the peer; the table's fit is within 7e-4
         'best glide ratio of cessna152': approx(18.6715, rel=1e-3),
         'at alpha, cessna152': approx(3.06, abs=0.05),  # flat there: 0.05 deg is 2e-4 of the ratio

@@ -4,6 +4,7 @@ A recorder that is killed leaves a readable file: chunks are small and reach the
 every half second of the messages' own time. The same messages make the same file.
 """
 
+import contextlib
 import threading
 from collections.abc import Mapping
 from dataclasses import replace
@@ -70,6 +71,8 @@ class McapRecorder:
     ------
     InputError
         If the file cannot be created there.
+    OSError
+        If it cannot be written to, as on a full disk.
     """
 
     def __init__(
@@ -96,9 +99,14 @@ class McapRecorder:
         self._sequence: dict[int, int] = {}
         self._flushed: int | None = None  # log time [ns]
         self._finished = False
-        self._writer.start(profile='ros2', library='flightdyn')
-        self._writer.add_metadata('flightdyn', dict(metadata or {}))
-        self._writer.flush()  # type: ignore[no-untyped-call]
+        try:
+            self._writer.start(profile='ros2', library='flightdyn')
+            self._writer.add_metadata('flightdyn', dict(metadata or {}))
+            self._writer.flush()  # type: ignore[no-untyped-call]
+        except OSError:
+            with contextlib.suppress(OSError):  # closing writes once more
+                self._stream.close()
+            raise
 
     def __enter__(self) -> 'McapRecorder':
         return self

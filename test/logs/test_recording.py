@@ -252,6 +252,12 @@ def test_wrong_requests_are_refused(tmp_path: Path) -> None:
         assert log.message_counts == {1: 1}
 
 
+@pytest.mark.skipif(not Path('/dev/full').exists(), reason='needs /dev/full')
+def test_a_full_disk_is_told_at_once() -> None:
+    with pytest.raises(OSError, match='No space left'):
+        McapRecorder('/dev/full')
+
+
 def test_equal_messages_are_equal_in_the_bytes_that_alignment_leaves_unused() -> None:
     """ROS serialises into memory that is not cleared; two recordings of a flight then differ."""
     store = typestore()
