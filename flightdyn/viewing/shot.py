@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -158,10 +159,22 @@ def _headless(recordings: Sequence[str | Path], size: tuple[int, int]) -> Iterat
                 stderr=output,
                 start_new_session=True,
             )
-        try:
+        with ending(process):
             yield _loaded(process, f'rerun+http://127.0.0.1:{port}/proxy', log)
-        finally:
-            end(process)
+
+
+@contextmanager
+def ending(process: subprocess.Popen[bytes]) -> Iterator[None]:
+    """End a process however the block ends, by SIGTERM, too: nobody else would end a viewer."""
+    handles = threading.current_thread() is threading.main_thread()
+    if handles:
+        previous = signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
+    try:
+        yield
+    finally:
+        end(process)
+        if handles:
+            signal.signal(signal.SIGTERM, previous)
 
 
 def end(process: subprocess.Popen[bytes]) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ..errors import FlightdynError
-from .shot import end, free_port, rerun_program, viewer_environment
+from .shot import ending, free_port, rerun_program, viewer_environment
 
 HOST = '127.0.0.1'
 
@@ -26,10 +26,8 @@ def open_window(recordings: Sequence[Path]) -> int:
     """
     command = [str(rerun_program()), '--bind', HOST, '--port', 'auto', *map(str, recordings)]
     process = subprocess.Popen(command, start_new_session=True)
-    try:
+    with ending(process):
         code = process.wait()
-    finally:
-        end(process)
     if code:
         raise FlightdynError(f'the viewer ended with {code}')
     return 0
@@ -63,7 +61,7 @@ def _serve(command: Sequence[str], environment: Mapping[str, str], page: int, da
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
-    try:
+    with ending(process):
         while process.poll() is None and not (_listens(page) and _listens(data)):
             time.sleep(0.05)
         if process.poll() is None:
@@ -71,8 +69,6 @@ def _serve(command: Sequence[str], environment: Mapping[str, str], page: int, da
             print(f'http://{HOST}:{page}/?url={source}', flush=True)
             print('flightdyn: serving until Ctrl-C', file=sys.stderr)
         code = process.wait()
-    finally:
-        end(process)
     raise FlightdynError(f'the server ended with {code}')
 
 

@@ -1,10 +1,12 @@
 """What a live view sends, recorded by a Rerun server, and what it says when there is none."""
 
+import os
 import signal
 import socket
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -31,16 +33,25 @@ def free_port():
 
 @pytest.fixture
 def recorder(tmp_path):
-    """Yield a URL to send to, a function that gives what came in, and the server's process."""
+    """Yield a URL to send to, a function that gives what came in, and one to signal the server."""
     if not RERUN.exists():
         pytest.skip('no rerun beside this Python')
     port, path = free_port(), tmp_path / 'live.rrd'
     command = [RERUN, '--save', path, '--bind', '127.0.0.1', '--port', str(port)]
-    server = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    # `rerun` is a script that runs the program itself: signals are for both
+    server = subprocess.Popen(
+        command,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+
+    def send_signal(number):
+        os.killpg(server.pid, number)
 
     def received():
         time.sleep(0.5)  # for what is on its way
-        server.send_signal(signal.SIGINT)
+        send_signal(signal.SIGINT)
         server.wait(10)
         return read(path)
 
@@ -51,9 +62,10 @@ def recorder(tmp_path):
                 break
             except OSError:
                 time.sleep(0.05)
-        yield f'rerun+http://127.0.0.1:{port}/proxy', received, server
+        yield f'rerun+http://127.0.0.1:{port}/proxy', received, send_signal
     finally:
-        server.kill()
+        with suppress(ProcessLookupError):
+            send_signal(signal.SIGKILL)
         server.wait()
 
 
@@ -96,10 +108,10 @@ def test_samples_plans_and_iterations_arrive(recorder):
 
 
 def test_sampling_and_closing_do_not_wait_for_a_stuck_viewer(recorder):
-    url, _, server = recorder
+    url, _, send_signal = recorder
     flight = soaring(2000, gap=False)
     view = LiveView(url)
-    server.send_signal(signal.SIGSTOP)
+    send_signal(signal.SIGSTOP)
     began = time.thread_time()
     feed(view, flight)
     assert (time.thread_time() - began) / len(flight) < 2e-4  # s of this thread, a sample

@@ -125,7 +125,8 @@ def test_what_cannot_be_shown_is_one_clear_line(tmp_path, capsys, arguments, sai
 
 
 @pytest.mark.slow
-def test_browsers_on_this_machine_are_served_until_interrupted(tmp_path):
+@pytest.mark.parametrize(('number', 'code'), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_browsers_on_this_machine_are_served_until_interrupted(tmp_path, number, code):
     command = [sys.executable, '-m', 'flightdyn.cli', 'view', plan_file(tmp_path / 'a.json')]
     process = subprocess.Popen([*command, '--web'], stdout=subprocess.PIPE, text=True)
     try:
@@ -133,8 +134,10 @@ def test_browsers_on_this_machine_are_served_until_interrupted(tmp_path):
         assert url.startswith('http://127.0.0.1:')
         with urllib.request.urlopen(url, timeout=10) as page:
             assert b'rerun' in page.read().lower()
-        process.send_signal(signal.SIGINT)
-        assert process.wait(15) == 130
+        process.send_signal(number)
+        assert process.wait(15) == code
+        with pytest.raises(OSError, match='refused'):  # the server is gone as well
+            urllib.request.urlopen(url, timeout=5)
     finally:
         process.kill()
         process.wait()
