@@ -217,6 +217,7 @@ def test_feedback_comes_at_once(client: PlannerClient) -> None:
     assert np.percentile(late - late.min(), 90) < 0.1
 
 
+@pytest.mark.slow
 def test_queue_that_is_full_rejects(client: PlannerClient, ros: None) -> None:
     with (
         NodeProcess('planner', namespace='/small', preempt='queue', queue_limit=2),
