@@ -1,5 +1,6 @@
 """The problems and scenarios that are shipped: complete, shown in an example, right in wind."""
 
+import runpy
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +58,15 @@ def test_turning_back_in_wind_begins_at_the_airspeed_of_a_climb() -> None:
     # runway and wind turned together: the same flight, to what different meshes make of it
     objectives = [plan.report.objective for plan in plans.values()]
     assert objectives[0] == pytest.approx(objectives[1], abs=0.05)
+
+
+def test_the_valley_is_what_its_formula_gives() -> None:
+    formula = runpy.run_path(str(ROOT / 'tools' / 'terrain_racing_map'))['heights']
+    terrain = load_problem('terrain_racing').surroundings.terrain
+    assert terrain is not None
+    heights = formula(terrain.x[:, None], terrain.y)
+    # kept to 0.1 m, in single precision
+    np.testing.assert_allclose(terrain.height, heights, atol=0.0501)
 
 
 SPACE = {
