@@ -38,4 +38,4 @@ for gate in plans[0].surroundings.gates:
     found[f'time at {gate.name}'] = (before, 's')
 tell(FOLDER / 'drone_gates.json', found)
 save(FOLDER / 'drone_gates.csv', flight)
-draw(FOLDER / 'drone_gates.png', lambda figures: figures.ground_track_figure(flight))
+draw(FOLDER / 'drone_gates.png', lambda figures: figures.figure_for(flight, plans[0].surroundings))

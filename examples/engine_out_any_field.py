@@ -29,6 +29,14 @@ for wind in WINDS:
     save(FOLDER / f'engine_out_{wind:g}.csv', best.trajectory)
 tell(FOLDER / 'engine_out_any_field.json', found)
 write_table({'wind': WINDS, **margins}, FOLDER / 'engine_out_any_field.csv')
-axes = {'xlabel': 'wind from the west [m/s]', 'ylabel': 'height left [m]'}
-draw(FOLDER / 'engine_out.png', lambda figures: figures.sweep_figure(WINDS, margins, **axes))
+table = {
+    'wind from the west': [wind for wind in WINDS for _ in margins],
+    'field': [name for _ in WINDS for name in margins],
+    'height left': [margins[name][i] for i in range(len(WINDS)) for name in margins],
+}
+over, units = ['wind from the west', 'field'], {'wind from the west': 'm/s', 'height left': 'm'}
+draw(
+    FOLDER / 'engine_out.png',
+    lambda figures: figures.sweep_figure(table, over, 'height left', units=units),
+)
 draw(FOLDER / 'engine_out_tracks.png', lambda figures: figures.tracks_figure(flights))

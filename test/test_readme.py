@@ -72,7 +72,8 @@ def test_launch_files_and_their_arguments_exist() -> None:
         assert package == 'flightdyn'
         text = (ROOT / 'launch' / file).read_text(encoding='utf-8')
         for argument in arguments:
-            assert f"DeclareLaunchArgument('{argument.partition(':=')[0]}'" in text
+            name = re.escape(argument.partition(':=')[0])
+            assert re.search(rf"DeclareLaunchArgument\(\s*'{name}'", text)
 
 
 def test_goal_is_a_valid_one() -> None:

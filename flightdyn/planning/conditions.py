@@ -14,6 +14,7 @@ from .problem import UNBOUNDED, Bounds, Problem
 
 Array = NDArray[np.float64]
 
+ROUNDING = 1e-9  # SI
 LEAST_DURATION = 1e-2  # of what is asked for, and 100 times that, where it may be missed
 
 
@@ -209,5 +210,8 @@ def _numbers(name: str, groups: Iterable[Bounds]) -> list[float]:
 
 
 def _size(known: Iterable[float]) -> float:
-    """Return the largest magnitude of what is known of a quantity; 1 if nothing is."""
-    return max((abs(v) for v in known if np.isfinite(v) and v != 0), default=1.0)
+    """Return the largest magnitude of what is known of a quantity; 1 if nothing is.
+
+    Less than `ROUNDING` is a nought that was worked out, such as the cosine of a right angle.
+    """
+    return max((abs(v) for v in known if np.isfinite(v) and abs(v) > ROUNDING), default=1.0)

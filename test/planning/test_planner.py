@@ -336,7 +336,7 @@ def test_near_another_kind_of_plan_is_from_scratch(planner: Planner, flip) -> No
         ('nods=3', "did you mean 'nodes'"),
         ('control_interpolation=cubic', 'previous or linear or polynomial'),
         ('final', 'expected KEY=VALUE'),
-        ('final.x_e.deep=1', 'not a mapping'),
+        ('final.x_e.deep=1', 'is a value, and has no deep'),
         ('final=[1]', 'expected names and values'),
     ],
 )

@@ -32,7 +32,8 @@ def test_stage_gives_every_kinematic_quantity_once(vehicle) -> None:  # type: ig
 @pytest.mark.parametrize('vehicle', list_vehicles(), ids=lambda v: v.name)
 def test_everything_is_finite_at_rest(vehicle) -> None:  # type: ignore[no-untyped-def]
     stage = vehicle.model().stage()
-    values = {name: vehicle.limits[name][1] for name in ('mass', 'fuel') if name in stage.states}
+    values = dict(zip(stage.states, stage.rest, strict=True))
+    values |= {name: vehicle.limits[name][1] for name in ('mass', 'fuel') if name in stage.states}
     x = [values.get(name, 0.0) for name in (*stage.states, *stage.controls)]
     value, first, _ = derivatives(stage)(x, [0.0] * stage.function.size1_in(2))
     assert np.all(np.isfinite(value.full()))
