@@ -6,6 +6,7 @@ for, and says so in the others.
 """
 
 import copy
+import importlib
 import inspect
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -267,6 +268,15 @@ class BaseNode(LifecycleNode):
         """
         create = self.create_publisher if when == 'always' else self.create_lifecycle_publisher
         return self._with_qos(create, kind, topic, copy.copy(qos))
+
+    def advertise_transforms(self) -> tuple[Any, Any, Any] | None:
+        """Return TFMessage and publishers of moving and of fixed transforms; None without tf2."""
+        try:
+            kind = importlib.import_module('tf2_msgs.msg').TFMessage
+        except ImportError:
+            return None
+        dynamic = self.advertise(kind, '/tf', STATE)
+        return kind, dynamic, self.advertise(kind, '/tf_static', LATCHED)
 
     def subscribe(
         self,

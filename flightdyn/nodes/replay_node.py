@@ -1,6 +1,5 @@
 """The replay node: plays the motion in a flight log and owns /clock."""
 
-import importlib
 import itertools
 import time
 from collections.abc import Iterable, Iterator
@@ -128,7 +127,7 @@ class ReplayNode(BaseNode):
         self._fix = self.advertise(NavSatFix, 'fix', SENSOR)
         self._path = self.advertise(PathMsg, '~/path', LATCHED)
         self._progress = self.advertise(PlayProgress, '~/progress', LATCHED)
-        self._transforms = self._transform_publishers()
+        self._transforms = self.advertise_transforms()
         self.add_on_set_parameters_callback(_check_rate)
         self._offer()
         self.every(TICK_S, self._tick)
@@ -151,18 +150,6 @@ class ReplayNode(BaseNode):
         self.serve(PlayNext, 'play_previous', self._play_previous)
         self.serve(Burst, 'burst', self._burst)
         self.serve(Load, 'load', self._load)
-
-    def _transform_publishers(self) -> tuple[Any, Any, Any] | None:
-        """Return TFMessage and publishers of moving and fixed transforms; None without tf2."""
-        try:
-            kind = importlib.import_module('tf2_msgs.msg').TFMessage
-        except ImportError:
-            return None
-        return (
-            kind,
-            self.advertise(kind, '/tf', STATE),
-            self.advertise(kind, '/tf_static', LATCHED),
-        )
 
     # The life cycle. -----------------------------------------------------------------------------
     def configure(self) -> None:

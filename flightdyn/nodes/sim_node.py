@@ -1,6 +1,5 @@
 """The simulator node: flies plans and commands in simulated time and owns /clock."""
 
-import importlib
 import math
 import time
 from collections.abc import Iterable
@@ -74,7 +73,7 @@ class SimNode(BaseNode):
             package, _, _ = kind.__module__.partition('.')
             msgtype = f'{package}/msg/{kind.__name__}'
             self._outgoing[name] = publisher, publisher.topic_name, msgtype
-        self._transforms = self._transform_publishers()
+        self._transforms = self.advertise_transforms()
         self.subscribe(TrajectoryMsg, '~/trajectory', self._on_plan, STATE)
         plans = self.parameters.values.trajectory_topic
         if plans:
@@ -115,6 +114,8 @@ class SimNode(BaseNode):
         self._achieved = math.nan
         self._measured = time.monotonic(), self._core.clock_ns
         self._events, self._samples, self._viewed = 0, 0, 0.0
+        if self._transforms is None:
+            self.get_logger().info('tf2_msgs is not installed: no transforms')
 
     def activate(self) -> None:
         core = self._flying()
@@ -281,16 +282,6 @@ class SimNode(BaseNode):
             self._clock_publisher.publish(Clock(clock=time_msg(core.clock_ns)))
         if core.is_waiting and self._last_state is not None:
             self._outgoing['state'][0].publish(self._last_state)
-
-    def _transform_publishers(self) -> tuple[Any, Any, Any] | None:
-        """Return tf2's message and two publishers; None where it is not installed."""
-        try:
-            kind = importlib.import_module('tf2_msgs.msg').TFMessage
-        except ImportError:
-            self.get_logger().info('tf2_msgs is not installed: no transforms')
-            return None
-        dynamic = self.advertise(kind, '/tf', STATE)
-        return kind, dynamic, self.advertise(kind, '/tf_static', LATCHED)
 
     # Recording. ----------------------------------------------------------------------------------
     def _begin_run(self, sample: Sample) -> None:
