@@ -40,6 +40,7 @@ lint = ['ruff>=0.17,<0.18', 'mypy>=2.4,<3', 'types-PyYAML>=6']
 test = [
     'pytest>=9,<10',
     'pytest-timeout>=2.4,<3',
+    'pytest-xdist>=3.6,<4',
     'hypothesis>=6.150,<7',
     'mcap-ros2-support>=0.6,<0.7',
     'scipy>=1.15,<2',
