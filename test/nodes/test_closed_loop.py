@@ -23,6 +23,7 @@ def test_what_is_promised_is_compared_with_what_was_flown() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(400)  # two minutes of flight, in real time
 def test_the_glide_comes_near_the_longest_possible(ros: None, tmp_path: Path) -> None:
     """Promised: 98 % of the range of the plan that knows everything from the start."""
     recording = tmp_path / 'glide.mcap'
