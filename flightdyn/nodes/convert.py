@@ -46,9 +46,13 @@ GPS = 'gps'
 
 _NS = 10**9
 _UNKNOWN = -1.0  # first element of a covariance: there is no such measurement (sensor_msgs/Imu)
+UNTOLD = ('arcs', 'phases', 'missed')
+"""Of a report, what a PlanReport message has no field for."""
 
 
 # Times. ------------------------------------------------------------------------------------------
+
+
 def time_msg(ns: int) -> Any:
     """Return a stamp of Unix or run time [ns]."""
     return Time(sec=int(ns // _NS), nanosec=int(ns % _NS))
@@ -203,14 +207,15 @@ def report_msg(report: PlanReport) -> Any:
 def report_from_msg(message: Any, code: ResultCode) -> PlanReport:
     """Return the report of a plan; the action's result has its code.
 
-    Arcs and missed conditions do not travel; the report's message tells of the latter.
+    Arcs, phases and missed conditions do not travel; the report's message tells of the latter.
     """
     return PlanReport(
         code=code,
         **{
             name: getattr(message, name)
             for name in PlanReport.__dataclass_fields__
-            if name not in ('code', 'verification', 'warnings', 'remedies', 'arcs', 'missed')
+            if name
+            not in ('code', 'verification', 'warnings', 'remedies', 'arcs', 'phases', 'missed')
         },
         verification={
             name: from_message_unit(name, error)

@@ -15,7 +15,8 @@ from .report import Plan
 KEYS = (
     *('problem', 'vehicle', 'model', 'converged', 'verified', 'status', 'message', 'objective'),
     *('final_time', 'iterations', 'wall_s', 'build_s', 'nodes', 'transcription', 'verification'),
-    *('constraint_violation', 'warnings', 'arcs', 'remedies', 'missed', 'optima', 'alternatives'),
+    *('constraint_violation', 'warnings', 'arcs', 'phases', 'remedies', 'missed', 'optima'),
+    'alternatives',
     *('control_interpolation', 'wind_ned', 'wind', 'surroundings'),
     *('time', 'states', 'controls', 'outputs'),
 )
@@ -60,7 +61,8 @@ def read_plan(path: str | Path) -> tuple[Trajectory, dict[str, Any]]:
         raise InputError(f'cannot read {path}: {error}') from error
     except json.JSONDecodeError as error:
         raise InputError(f'{path} is not JSON: {error}') from error
-    missing = [key for key in KEYS if not isinstance(document, dict) or key not in document]
+    needed = [key for key in KEYS if key != 'phases']  # which older files do not tell
+    missing = [key for key in needed if not isinstance(document, dict) or key not in document]
     if missing:
         raise InputError(f'{path} is not a plan: it lacks {", ".join(missing)}')
     try:

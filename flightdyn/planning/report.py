@@ -31,6 +31,8 @@ class PlanReport:
     ----------
     arcs : list of {'start', 'end', 'limits': {control: 'lower' or 'upper'}}
         Where controls are at their limits, if the plan consists of such arcs.
+    phases : list of {'name', 'start', 'end'}
+        Of the problem, with their times [s]; empty for a flight in one.
     remedies : list of str
         What was tried, beyond a plain solve, to get there.
     missed : list of {'quantity', 'time', 'value', 'bound', 'amount'}
@@ -53,6 +55,7 @@ class PlanReport:
     constraint_violation: float
     warnings: list[str] = field(default_factory=list)
     arcs: list[dict[str, Any]] = field(default_factory=list)
+    phases: list[dict[str, Any]] = field(default_factory=list)
     remedies: list[str] = field(default_factory=list)
     missed: list[dict[str, Any]] = field(default_factory=list)
 

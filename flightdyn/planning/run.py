@@ -291,6 +291,7 @@ class Run:
             constraint_violation=attempt.solution.violation,
             warnings=self._warnings(found, trajectory),
             arcs=described(problem, arcs),
+            phases=_phases(problem, attempt),
             remedies=self.remedies,
             missed=missing or [],
         )
@@ -325,6 +326,16 @@ class Run:
                 trajectory.time[inside], columns, solved.bounded(leg), solved.tolerance
             )
         return said
+
+
+def _phases(problem: Problem, attempt: Attempt) -> list[dict[str, Any]]:
+    if not problem.phases:
+        return []
+    edges = np.concatenate([[0.0], np.cumsum(attempt.values[attempt.layout.durations])])
+    return [
+        {'name': name, 'start': float(start), 'end': float(end)}
+        for name, start, end in zip(problem.phase_names, edges[:-1], edges[1:], strict=True)
+    ]
 
 
 def _objective_error(

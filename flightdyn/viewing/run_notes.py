@@ -63,8 +63,12 @@ def run_surroundings(document: Mapping[str, Any]) -> Surroundings | None:
 
 
 def run_lanes(document: Mapping[str, Any]) -> list[Lane]:
-    """Return lanes of a plan's arcs and of the flights in a log."""
+    """Return lanes of a plan's phases and arcs, and of the flights in a log."""
     lanes = []
+    phases = document.get('phases') or []
+    if phases:
+        begins = tuple(float(phase['start']) for phase in phases)
+        lanes.append(Lane('phase', begins, tuple(str(phase['name']) for phase in phases)))
     arcs = document.get('arcs') or []
     if arcs:
         states = [', '.join(f'{n} {side}' for n, side in arc['limits'].items()) for arc in arcs]

@@ -49,6 +49,9 @@ def test_each_phase_takes_its_least_time(folder: Path) -> None:
     assert plan.trajectory['x_e'][there] == pytest.approx(3, abs=1e-5)
     assert plan.trajectory['u_b'][there] == pytest.approx(0, abs=1e-5)
     assert 'in 2 phases' in plan.report.transcription
+    assert [phase['name'] for phase in plan.report.phases] == ['out', 'back']
+    edges = [plan.report.phases[0]['start'], *(phase['end'] for phase in plan.report.phases)]
+    assert edges == pytest.approx([0, OUT, OUT + BACK], rel=1e-6)
 
 
 @pytest.mark.parametrize('method', ['radau', 'trapezoidal', 'hermite_simpson'])

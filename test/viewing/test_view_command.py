@@ -56,6 +56,17 @@ def test_a_plan_has_its_solver_and_arcs_on_the_timeline(tmp_path):
     assert any(text.startswith('planner: ') and '7 iterations' in text for text in texts)
     states = [row for name, rows in data['/lanes/arc'].items() if 'state' in name for row in rows]
     assert states == [['thrust upper'], ['free']]
+    assert '/lanes/phase' not in data
+
+
+def test_phases_of_a_plan_have_a_lane(tmp_path):
+    phases = [
+        {'name': 'climb', 'start': 0.0, 'end': 0.5},
+        {'name': 'glide', 'start': 0.5, 'end': 2.0},
+    ]
+    data = saved(tmp_path, plan_file(tmp_path / 'a.json', phases=phases))
+    names = [r for name, rows in data['/lanes/phase'].items() if 'state' in name for r in rows]
+    assert names == [['climb'], ['glide']]
 
 
 def test_tables_and_simulations_are_flights_too(tmp_path):
