@@ -215,7 +215,12 @@ class _Recorder:
         layout = Layout(
             duration=flight.duration,
             groups=groups,
-            overview=scenery.overview_camera(motion, ground_z=ground_z, margin=0.6 * shown.size),
+            overview=scenery.overview_camera(
+                motion,
+                ground_z=ground_z,
+                margin=0.6 * shown.size,
+                hilly=surroundings.terrain is not None,
+            ),
             chase=scenery.Camera((-1.7 * size, 0.75 * size, 0.65 * size), (0.0, 0.0, 0.0)),
             lanes=len(lanes),
             map_zoom=None if lat_lon is None else scenery.map_zoom(lat_lon),

@@ -21,6 +21,7 @@ TUBE_SIDES = 8
 EARTH_RADIUS = 6_371_000.0  # m, mean
 SCENE_SHARE = 0.04  # a vehicle drawn this large against the scene can be seen and read
 FIELD_OF_VIEW = np.radians(55.0)  # the viewer's own, vertical
+HILLY = 62.0  # deg above the horizon
 
 
 def drawn_samples(motion: Motion, budget: int) -> list[NDArray[np.intp]]:
@@ -238,7 +239,7 @@ class Camera:
 
 
 def overview_camera(
-    motion: Motion, *, ground_z: float, margin: float, aspect: float = 1.2
+    motion: Motion, *, ground_z: float, margin: float, aspect: float = 1.2, hilly: bool = False
 ) -> Camera:
     """Return the eye that sees all of the path broadside from above, start to the left.
 
@@ -250,6 +251,8 @@ def overview_camera(
         Room around the path [m], for the vehicle.
     aspect : float
         Width over height of the view.
+    hilly : bool
+        Whether hills may hide the path: then it is seen from higher.
     """
     pick = np.concatenate(drawn_samples(motion, 2000))
     pick = pick[:: max(1, pick.size // 4000)]
@@ -264,6 +267,8 @@ def overview_camera(
         along = -along
     height = np.ptp(motion.position[:, 2]) / max(motion.size, 1e-9)
     elevation = np.radians(np.interp(height, (0.02, 0.2), (42.0, 24.0)))  # flat: from higher
+    if hilly:
+        elevation = np.radians(HILLY)
     right = np.array([along[0], along[1], 0.0])
     back = np.array([-along[1], along[0], 0.0]) * np.cos(elevation) + (0, 0, -np.sin(elevation))
     up = np.cross(right, -back)

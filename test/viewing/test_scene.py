@@ -88,13 +88,14 @@ def test_curtain_falls_to_the_lowest_point_of_a_real_flight():
     assert scenery.ground_altitude(flip(), motion_of(flip())) == 0.0
 
 
+@pytest.mark.parametrize('hilly', [False, True])
 @pytest.mark.parametrize('flight', [flip(), soaring()])
-def test_overview_sees_all_of_the_path_start_left(flight):
+def test_overview_sees_all_of_the_path_start_left(flight, hilly):
     motion = motion_of(flight)
-    camera = scenery.overview_camera(motion, ground_z=0.0, margin=0.0)
+    camera = scenery.overview_camera(motion, ground_z=0.0, margin=0.0, hilly=hilly)
     eye, target = np.array(camera.position), np.array(camera.target)
     forward = (target - eye) / np.linalg.norm(target - eye)
-    assert forward[2] > 0  # looks down
+    assert forward[2] > (0.85 if hilly else 0)  # looks down, steeply where hills may hide
     right = np.cross(forward, (0, 0, -1.0))
     right /= np.linalg.norm(right)
     up = np.cross(right, forward)
