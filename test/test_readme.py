@@ -11,7 +11,8 @@ import pytest
 import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
-TEXT = (ROOT / 'README.md').read_text(encoding='utf-8')
+README = ROOT / 'README.md'
+TEXT = README.read_text(encoding='utf-8')
 
 
 def blocks(language: str) -> list[str]:
@@ -65,6 +66,17 @@ def test_command_line(tmp_path: Path) -> None:
 
 
 # `ros2` is not among the wheels, so what it would look up is checked instead.
+
+
+@pytest.mark.parametrize(
+    'page', [README, *sorted((ROOT / 'docs').glob('*.md'))], ids=lambda page: page.name
+)
+def test_pages_are_whole(page: Path) -> None:
+    """A merge once left its marks in the README, and links may outlive what they lead to."""
+    text = page.read_text(encoding='utf-8')
+    assert not re.search(r'^(<{7}|={7}|>{7})( |$)', text, re.MULTILINE)
+    for link in re.findall(r'\]\(([^)#\s]+)', text):
+        assert '://' in link or (page.parent / link).exists(), link
 
 
 def test_launch_files_and_their_arguments_exist() -> None:
