@@ -39,6 +39,7 @@ data_files = [
 lint = ['ruff>=0.17,<0.18', 'mypy>=2.4,<3', 'types-PyYAML>=6']
 test = [
     'pytest>=9,<10',
+    'pytest-rerunfailures>=15,<17',
     'pytest-timeout>=2.4,<3',
     'pytest-xdist>=3.6,<4',
     'hypothesis>=6.150,<7',
