@@ -24,6 +24,7 @@ except ImportError as error:
 
 SIZE = (1600, 1000)  # px
 PATIENCE = 60.0  # s, for the viewer to start and to load
+STATIC = 20  # looks at a recording without a timeline, after which none is expected
 STILL = 0.25  # s between two pictures that must be the same: axes ease, chunks load on demand
 MAX_FRAMES = 600
 
@@ -73,7 +74,11 @@ def save_shot(
     """
     with _headless(recordings, size) as client:
         shown = _show(client, view)
-        _set_time(client, at or 0.0)
+        line = _timeline(client)
+        if line is not None:
+            _set_time(client, line, at or 0.0)
+        elif at:
+            raise InputError(f'time {at:g} s: nothing in the recording changes over time')
         picture = _still(client, shown)
     with written_whole(path) as temporary:
         temporary.write_bytes(picture)
@@ -116,10 +121,12 @@ def save_animation(
         raise InputError(f'an animation has 2 to {MAX_FRAMES} frames, not {count}')
     with _headless(recordings, size) as client:
         shown = _show(client, view)
-        duration = _timeline(client)[2]
+        line = _timeline(client)
+        if line is None:
+            raise InputError('nothing in the recording changes over time: draw a picture of it')
         frames = []
         for number in range(count):
-            _set_time(client, duration * number / (count - 1))
+            _set_time(client, line, _duration(line) * number / (count - 1))
             picture = _still(client, shown) if number == 0 else client.take_screenshot(shown)
             frames.append(Image.open(BytesIO(picture)).convert('RGB'))
     with written_whole(path) as temporary:
@@ -216,7 +223,7 @@ def free_port() -> int:
 def _loaded(process: 'subprocess.Popen[bytes]', url: str, log: Path) -> ViewerClient:
     """Return a connection to the viewer once it has loaded everything."""
     deadline = time.monotonic() + PATIENCE
-    client = None
+    client, looks = None, 0
     while time.monotonic() < deadline:
         if process.poll() is not None:
             raise _failure(log)
@@ -227,8 +234,10 @@ def _loaded(process: 'subprocess.Popen[bytes]', url: str, log: Path) -> ViewerCl
             time.sleep(0.05)
             continue
         recording = _active(state)
-        if not state.loading and recording is not None and state.views and recording.timelines:
-            return client
+        if not state.loading and recording is not None and state.views:
+            looks += 1  # of what changes over time there is a timeline, once it is there
+            if recording.timelines or looks > STATIC:
+                return client
         time.sleep(0.05)
     raise FlightdynError(f'the viewer has not loaded the recording within {PATIENCE:g} s')
 
@@ -249,25 +258,25 @@ def _active(state: Any) -> Any:
     return next(recordings, None)
 
 
-def _timeline(client: ViewerClient) -> tuple[str, str, float]:
-    """Return name and kind of the timeline that plays, and its length [s]."""
+def _timeline(client: ViewerClient) -> Any:
+    """Return the timeline that plays; None if nothing changes over time."""
     recording = _active(client.get_state())
-    name = recording.current_timeline
-    line = next(each for each in recording.timelines if each.name == name)
-    return name, str(line.time_type), (line.end - line.start) / 1e9
+    lines = (each for each in recording.timelines if each.name == recording.current_timeline)
+    return next(lines, None)
 
 
-def _set_time(client: ViewerClient, at: float) -> None:
-    name, kind, duration = _timeline(client)
-    if not -1e-6 <= at <= duration + 1e-6:
-        raise InputError(f'time {at:g} s is not within the recording, 0 to {duration:g} s')
-    recording = _active(client.get_state())
-    line = next(each for each in recording.timelines if each.name == name)
+def _duration(line: Any) -> float:
+    return float(line.end - line.start) / 1e9
+
+
+def _set_time(client: ViewerClient, line: Any, at: float) -> None:
+    if not -1e-6 <= at <= _duration(line) + 1e-6:
+        raise InputError(f'time {at:g} s is not within the recording, 0 to {_duration(line):g} s')
     seconds = line.start / 1e9 + at
-    if kind == 'timestamp':
-        client.set_time(name, play_state='paused', timestamp=seconds)
+    if str(line.time_type) == 'timestamp':
+        client.set_time(line.name, play_state='paused', timestamp=seconds)
     else:
-        client.set_time(name, play_state='paused', duration=seconds)
+        client.set_time(line.name, play_state='paused', duration=seconds)
 
 
 def _show(client: ViewerClient, name: str | None) -> Any:

@@ -10,6 +10,7 @@ from flights import flip  # noqa: E402
 
 from flightdyn.errors import InputError  # noqa: E402
 from flightdyn.viewing import shot  # noqa: E402
+from flightdyn.viewing.footprint import Area, save_footprint  # noqa: E402
 from flightdyn.viewing.rerun_view import save_rrd  # noqa: E402
 
 
@@ -67,6 +68,21 @@ def test_a_view_or_time_that_is_not_there_is_named(recording, tmp_path):
     with pytest.raises(InputError, match=r'time 9 s is not within the recording, 0 to 0\.8 s'):
         drawn(shot.save_shot, [recording], tmp_path / 'a.png', at=9.0)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_what_does_not_change_over_time_is_drawn_too(tmp_path):
+    """Such as a footprint: it was once waited for in vain."""
+    path, out = tmp_path / 'reach.rrd', tmp_path / 'a.png'
+    square = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])
+    save_footprint(path, [Area('reach', 1000 * square)])
+    drawn(shot.save_shot, [path], out, view='Reach', size=(800, 600))
+    red, _, blue = np.asarray(Image.open(out).convert('RGB')).reshape(-1, 3).astype(int).T
+    assert ((red > 100) & (red > blue + 60)).mean() > 0.1  # the area, orange
+    with pytest.raises(InputError, match='time 1 s: nothing in the recording changes over time'):
+        drawn(shot.save_shot, [path], out, at=1.0)
+    with pytest.raises(InputError, match='draw a picture of it'):
+        drawn(shot.save_animation, [path], tmp_path / 'a.webp', seconds=1.0, rate=4.0)
 
 
 def test_without_a_driver_it_says_what_to_install(recording, tmp_path, monkeypatch):
