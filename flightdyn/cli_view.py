@@ -224,38 +224,12 @@ def open_flight(path: Path) -> Opened:
 
 def _open_document(path: Path) -> Opened:
     """Return the flight of a plan's or a simulation's document."""
-    from .planning.plan_file import KEYS, read_plan
+    from .planning.plan_file import FLIGHT, KEYS, flight_of, plan_of, read_document
 
-    try:
-        document = json.loads(path.read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f'cannot read {path}: {error}') from error
-    except json.JSONDecodeError as error:
-        raise InputError(f'{path} is not JSON: {error}') from error
+    document = read_document(path)
     if not isinstance(document, dict) or 'scenario' not in document:
-        flight, rest = read_plan(path)
-        return Opened(flight, rest)
-    needed = ('time', 'states', 'controls', 'outputs', 'vehicle', 'model')
-    missing = [key for key in needed if key not in document]
-    if missing:
-        raise InputError(f'{path} holds no flight: it lacks {", ".join(missing)}')
-    try:
-        groups = {
-            group: {name: np.array(v, float) for name, v in document[group].items()}
-            for group in ('states', 'controls', 'outputs')
-        }
-        flight = Trajectory(
-            time=np.array(document['time'], float),
-            states=groups['states'],
-            controls=groups['controls'],
-            outputs=groups['outputs'],
-            model=document['model'],
-            vehicle=document['vehicle'],
-        )
-    except (AttributeError, TypeError, ValueError) as error:
-        raise InputError(f'{path} holds no flight: {error}') from error
-    except InputError as error:
-        raise InputError(f'{path}: {error}') from error
+        return Opened(*plan_of(document, path))
+    flight = flight_of(document, (*FLIGHT, 'vehicle', 'model'), path, 'holds no flight')
     return Opened(flight, {k: v for k, v in document.items() if k not in KEYS})
 
 

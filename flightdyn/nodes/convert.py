@@ -46,8 +46,6 @@ GPS = 'gps'
 
 _NS = 10**9
 _UNKNOWN = -1.0  # first element of a covariance: there is no such measurement (sensor_msgs/Imu)
-UNTOLD = ('arcs', 'phases', 'missed')
-"""Of a report, what a PlanReport message has no field for."""
 
 
 # Times. ------------------------------------------------------------------------------------------

@@ -107,8 +107,10 @@ class Guess:
         sizes = np.maximum(np.abs(wanted).max(axis=1, keepdims=True), 1e-9)
         limits = np.array([problem.limits(stage.states[row], leg) for row in others])
 
+        mapped = stage.function.map(POINTS)
+
         def misses(states: Array) -> Array:
-            rates = stage.function.map(POINTS)(states, u, p)[0].full()[rows]
+            rates = mapped(states, u, p)[0].full()[rows]
             found: Array = np.nan_to_num((rates - wanted) / sizes, nan=1e6)
             return found
 

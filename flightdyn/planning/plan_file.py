@@ -1,6 +1,7 @@
 """Plans as JSON documents, and back."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -12,13 +13,14 @@ from ..errors import InputError
 from ..trajectory import Trajectory
 from .report import Plan
 
+FLIGHT = ('time', 'states', 'controls', 'outputs')
 KEYS = (
     *('problem', 'vehicle', 'model', 'converged', 'verified', 'status', 'message', 'objective'),
     *('final_time', 'iterations', 'wall_s', 'build_s', 'nodes', 'transcription', 'verification'),
     *('constraint_violation', 'warnings', 'arcs', 'phases', 'remedies', 'missed', 'optima'),
     'alternatives',
     *('control_interpolation', 'wind_ned', 'wind', 'surroundings'),
-    *('time', 'states', 'controls', 'outputs'),
+    *FLIGHT,
 )
 
 
@@ -55,33 +57,66 @@ def read_plan(path: str | Path) -> tuple[Trajectory, dict[str, Any]]:
     InputError
         If the file cannot be read or is not a plan; the message says what is missing.
     """
+    return plan_of(read_document(path), path)
+
+
+def read_document(path: str | Path) -> Any:
+    """Return what a JSON file holds.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or is not JSON.
+    """
     try:
-        document = json.loads(Path(path).read_text(encoding='utf-8'))
+        return json.loads(Path(path).read_text(encoding='utf-8'))
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f'cannot read {path}: {error}') from error
     except json.JSONDecodeError as error:
         raise InputError(f'{path} is not JSON: {error}') from error
+
+
+def plan_of(document: Any, path: str | Path) -> tuple[Trajectory, dict[str, Any]]:
+    """Return the trajectory of a plan's document and the rest of it, see `read_plan`."""
     needed = [key for key in KEYS if key != 'phases']  # which older files do not tell
+    flight = flight_of(document, needed, path, 'is not a plan')
+    return flight, {key: value for key, value in document.items() if key not in FLIGHT}
+
+
+def flight_of(document: Any, needed: Sequence[str], path: str | Path, told: str) -> Trajectory:
+    """Return the trajectory in a document.
+
+    Parameters
+    ----------
+    needed : keys
+        That it must have, those of the trajectory among them.
+    path, told : str
+        What messages begin with: the file, and what is wrong with it as a whole.
+
+    Raises
+    ------
+    InputError
+        If a key is missing or its value is none; the message says which.
+    """
     missing = [key for key in needed if not isinstance(document, dict) or key not in document]
     if missing:
-        raise InputError(f'{path} is not a plan: it lacks {", ".join(missing)}')
+        raise InputError(f'{path} {told}: it lacks {", ".join(missing)}')
     try:
         states, controls, outputs = (
-            {name: np.array(v, float) for name, v in document.pop(group).items()}
+            {name: np.array(v, float) for name, v in document[group].items()}
             for group in ('states', 'controls', 'outputs')
         )
-        trajectory = Trajectory(
-            time=np.array(document.pop('time'), float),
+        return Trajectory(
+            time=np.array(document['time'], float),
             states=states,
             controls=controls,
             outputs=outputs,
             model=document['model'],
             vehicle=document['vehicle'],
-            problem=document['problem'],
-            control_interpolation=document['control_interpolation'],
+            problem=document.get('problem', ''),
+            control_interpolation=document.get('control_interpolation', 'linear'),
         )
     except (AttributeError, TypeError, ValueError) as error:
-        raise InputError(f'{path} is not a plan: {error}') from error
+        raise InputError(f'{path} {told}: {error}') from error
     except InputError as error:
         raise InputError(f'{path}: {error}') from error
-    return trajectory, document

@@ -66,8 +66,8 @@ def run_lanes(document: Mapping[str, Any]) -> list[Lane]:
     """Return lanes of a plan's phases and arcs, and of the flights in a log."""
     lanes = []
     phases = document.get('phases') or []
-    gates = (document.get('surroundings') or {}).get('gates') or {}
-    if any(phase['name'] not in gates for phase in phases):  # gates have a lane of their own
+    gates = (document.get('surroundings') or {}).get('gates')
+    if phases and not gates:  # the phases of a flight through gates are in the lane of these
         begins = tuple(float(phase['start']) for phase in phases)
         lanes.append(Lane('phase', begins, tuple(str(phase['name']) for phase in phases)))
     arcs = document.get('arcs') or []

@@ -67,6 +67,10 @@ def test_phases_of_a_plan_have_a_lane(tmp_path):
     data = saved(tmp_path, plan_file(tmp_path / 'a.json', phases=phases))
     names = [r for name, rows in data['/lanes/phase'].items() if 'state' in name for r in rows]
     assert names == [['climb'], ['glide']]
+    gate = {'centre': [0, 5, 10], 'heading': 0.0, 'width': 2.0, 'height': 2.0}
+    through = {'gates': {'glide': gate}}
+    data = saved(tmp_path, plan_file(tmp_path / 'b.json', phases=phases, surroundings=through))
+    assert '/lanes/phase' not in data  # these are the gate's, which has a lane of its own
 
 
 def test_tables_and_simulations_are_flights_too(tmp_path):
