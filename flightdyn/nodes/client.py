@@ -129,6 +129,13 @@ class Session:
         with contextlib.suppress(ExternalShutdownException, InvalidHandle):
             self._executor.spin()
 
+    def made(self, make: Callable[[], Any]) -> Any:
+        """Return what a function makes of the node, in the session's thread.
+
+        Made in another while that one waits for messages, an action client once never came to be.
+        """
+        return self.wait(self._executor.create_task(make), 'the session', TIMEOUT_S)
+
     def subscribe(
         self,
         kind: Any,
@@ -146,7 +153,9 @@ class Session:
             If nobody publishes.
         """
         inbox = Inbox(topic, keep)
-        subscription = self.node.create_subscription(kind, topic, inbox.put, qos)
+        subscription = self.made(
+            lambda: self.node.create_subscription(kind, topic, inbox.put, qos)
+        )
         self.wait_until(subscription.get_publisher_count, f'a publisher of {topic}', timeout)
         return inbox
 
@@ -154,7 +163,7 @@ class Session:
         self, kind: Any, topic: str, qos: QoSProfile = STATE, timeout: float = TIMEOUT_S
     ) -> Any:
         """Return a publisher that is connected to at least one subscription."""
-        publisher = self.node.create_publisher(kind, topic, qos)
+        publisher = self.made(lambda: self.node.create_publisher(kind, topic, qos))
         self.wait_until(publisher.get_subscription_count, f'a subscriber of {topic}', timeout)
         return publisher
 
@@ -167,7 +176,7 @@ class Session:
             If the service is not there or does not answer.
         """
         if name not in self._clients:
-            self._clients[name] = self.node.create_client(kind, name)
+            self._clients[name] = self.made(lambda: self.node.create_client(kind, name))
         client = self._clients[name]
         if not client.wait_for_service(timeout):
             raise NodeTimeout(f'service {name} is not there after {timeout:g} s')
@@ -255,7 +264,8 @@ class PlannerClient:
 
     def __init__(self, session: Session, planner: str = 'planner') -> None:
         self._session = session
-        self._client = ActionClient(session.node, PlanTrajectory, f'{planner}/plan_trajectory')
+        name = f'{planner}/plan_trajectory'
+        self._client = session.made(lambda: ActionClient(session.node, PlanTrajectory, name))
 
     def send(
         self,
