@@ -65,6 +65,13 @@ class Ready:
 
 
 @dataclass(frozen=True)
+class Taken:
+    """A call has come out of the pipe: from here on it can be what ends the process."""
+
+    number: int
+
+
+@dataclass(frozen=True)
 class Progressed:
     """An iteration of a call under way, and now and then the flight that it is."""
 
@@ -157,7 +164,7 @@ class PlanWorker:
     Parameters
     ----------
     pipe : Connection
-        Takes `Call` and `Stop`, gives `Ready`, `Progressed` and `Answer`.
+        Takes `Call` and `Stop`, gives `Ready`, `Taken`, `Progressed` and `Answer`.
     """
 
     def __init__(self, pipe: Connection, planner: Planner | None = None) -> None:
@@ -184,6 +191,7 @@ class PlanWorker:
                 message = self._pipe.recv()
                 if isinstance(message, Call):
                     self._call, self._stopped = message, False
+                    self._pipe.send(Taken(message.number))
                     self._pipe.send(Answer(message.number, self._outcome(message)))
         except (EOFError, OSError):
             return

@@ -17,7 +17,7 @@ from typing import Any
 from ..errors import ResultCode
 from ..planning.solver import Iteration
 from ..trajectory import Trajectory
-from .plan_worker import Answer, Call, Clock, Outcome, Progressed, Ready, Stop
+from .plan_worker import Answer, Call, Clock, Outcome, Progressed, Ready, Stop, Taken
 
 GRACE_S = 1.0
 """How long a call may go on after it was asked to stop, or after its time; a solver stops at its
@@ -53,6 +53,13 @@ class Job:
     reason: str = ''
     began: float | None = field(default=None, init=False)
     stopped: float | None = field(default=None, init=False)
+    taken: bool = field(default=False, init=False)
+    sent_again: bool = field(default=False, init=False)
+
+    @property
+    def blameless(self) -> bool:
+        """Whether its process died before it read this; once, as reading can be what kills."""
+        return self.began is not None and not (self.taken or self.sent_again or self.reason)
 
 
 class WorkerProcess:
@@ -205,7 +212,9 @@ class WorkerProcess:
                 self._next()
         if job is None or job.began is None:
             return
-        if isinstance(message, Progressed):
+        if isinstance(message, Taken):
+            job.taken = True
+        elif isinstance(message, Progressed):
             job.on_iteration(message.iteration)
             if message.flight is not None and job.on_flight is not None:
                 job.on_flight(message.iteration.number, message.flight)
@@ -227,18 +236,20 @@ class WorkerProcess:
         with self._lock:
             was_ready, self._ready = self._ready, False
             self._process = self._pipe = None
-            running = [job for job in self._jobs if job.began is not None or not was_ready]
-            if self._closed:
-                running = list(self._jobs)
-            for job in running:
-                self._jobs.remove(job)
             said, self._overdue = self._overdue, None
-            if was_ready and not self._closed:
+            again = was_ready and not self._closed
+            job = self._jobs[0] if self._jobs else None
+            if again and said is None and job is not None and job.blameless:
+                job.began, job.sent_again = None, True
+            over = [job for job in self._jobs if job.began is not None or not again]
+            for job in over:
+                self._jobs.remove(job)
+            if again:
                 self.restarts += 1
                 self._start()
-        for job in running:
+        for job in over:
             job.on_done(said if said is not None else _lost(job, code))
-        if running:
+        if over:
             self.on_idle()
 
 
@@ -250,6 +261,8 @@ def cancelled(job: Job, where: str, outcome: Outcome | None = None) -> Outcome:
 
 
 def _lost(job: Job, code: int) -> Outcome:
+    if job.reason and not job.taken:
+        return cancelled(job, 'not begun')
     if job.began is None:
         return Outcome(
             ResultCode.INTERNAL,

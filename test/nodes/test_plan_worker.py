@@ -18,6 +18,7 @@ from flightdyn.nodes.plan_worker import (
     Progressed,
     Ready,
     Stop,
+    Taken,
     with_wind,
 )
 from flightdyn.nodes.receding import ReplanRequest
@@ -101,6 +102,7 @@ def faulty() -> Iterator[Connection]:
 def ask(pipe: Connection, kind: str, body: Any, number: int = 7) -> Any:
     """Return the outcome, and on the way there the iterations."""
     pipe.send(Call(number, kind, body))
+    assert pipe.recv() == Taken(number)
     heard = []
     while not isinstance(message := pipe.recv(), Answer):
         assert isinstance(message, Progressed)
@@ -201,6 +203,7 @@ def test_wind_that_varies_comes_as_it_is_on_the_way() -> None:
 def test_some_iterates_come_as_flights_if_asked_for(pipe: Connection) -> None:
     """Iterations that carry a function used to end the plan: it cannot go through a pipe."""
     pipe.send(Call(1, 'plan', request(final={'x_e': (1.7, 1.7)}), with_flights=True))
+    assert isinstance(pipe.recv(), Taken)
     flights, iterations = [], 0
     while isinstance(message := pipe.recv(), Progressed):
         iterations += 1
@@ -243,6 +246,7 @@ def test_errors_become_codes_and_the_worker_goes_on(faulty: Connection) -> None:
 
 def test_stopping_is_for_one_call(faulty: Connection) -> None:
     faulty.send(Call(1, 'plan', request()))
+    assert faulty.recv() == Taken(1)
     faulty.send(Stop(0))  # of a call that is over
     assert not faulty.poll(0.05)
     faulty.send(Stop(1))

@@ -57,6 +57,13 @@ def watch() -> Watch:
     return Watch()
 
 
+class KillsItsReader:
+    """Ends the process that takes it out of a pipe."""
+
+    def __reduce__(self) -> Any:
+        return exec, ('import os; os.kill(os.getpid(), 9)',)
+
+
 @pytest.fixture
 def worker(watch: Watch) -> Iterator[WorkerProcess]:
     worker = WorkerProcess('worker', clock=watch)
@@ -78,6 +85,38 @@ def test_killed_in_the_middle_fails_that_job_and_the_next_succeeds(worker: Worke
     assert second.outcome().code == ResultCode.SUCCESS
     assert worker.pid != pid
     assert worker.restarts == 1
+
+
+def test_job_sent_to_a_dead_process_is_sent_to_the_next(worker: WorkerProcess) -> None:
+    first = Asked('list', None)
+    worker.submit(first.job)
+    assert first.outcome().code == ResultCode.SUCCESS
+    for restarts in (1, 2):  # stopped, it reads nothing: killed, but not yet missed
+        os.kill(worker.pid, signal.SIGSTOP)
+        asked = Asked('list', None)
+        worker.submit(asked.job)
+        os.kill(worker.pid, signal.SIGKILL)
+        assert asked.outcome().code == ResultCode.SUCCESS
+        assert worker.restarts == restarts
+
+
+def test_job_that_no_process_lives_to_read_is_sent_twice(worker: WorkerProcess) -> None:
+    asked = Asked('plan', KillsItsReader())
+    worker.submit(asked.job)
+    assert 'ended by SIGKILL' in asked.outcome().message
+    assert worker.restarts == 2
+
+
+def test_job_stopped_before_its_process_died_is_cancelled(worker: WorkerProcess) -> None:
+    first = Asked('list', None)
+    worker.submit(first.job)
+    first.outcome()
+    os.kill(worker.pid, signal.SIGSTOP)
+    asked = Asked('plan', LONG)
+    worker.submit(asked.job)
+    worker.stop(asked.job, 'cancelled')
+    os.kill(worker.pid, signal.SIGKILL)
+    assert asked.outcome().message == 'cancelled; not begun'
 
 
 def test_stopping_takes_effect_at_the_next_iteration(worker: WorkerProcess) -> None:
