@@ -11,7 +11,6 @@ differentiated through the whole, so that an iteration costs little more than th
 themselves and a programme of thousands of variables is put together in milliseconds.
 """
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,10 +20,10 @@ import casadi as cas
 import numpy as np
 from numpy.typing import NDArray
 
+from .pointwise import Pointwise
+
 Index = NDArray[np.int64]
 Array = NDArray[np.float64]
-
-HEAVY = 2_000_000  # operations, a few milliseconds: starting threads takes a tenth of one
 
 
 @dataclass(frozen=True)
@@ -107,7 +106,7 @@ class Block:
 
     Parameters
     ----------
-    functions : value, slope, bend
+    functions : of value, slope, bend
         Of (z (nz,), wind): v (nv,); of the same: v and its Jacobian (nv, nz); and of (z, wind,
         mu (nv,)): the Hessian (nz, nz) of mu' v.
     select : Elements (n nz, size)
@@ -116,14 +115,14 @@ class Block:
         M.
     """
 
-    functions: tuple[cas.Function, cas.Function, cas.Function]
+    functions: Sequence[Pointwise]
     select: Elements
     weights: Elements
 
     @property
     def count(self) -> int:
         """Number of points."""
-        return int(self.select.height // self.functions[0].size1_in(0))
+        return int(self.select.height // self.functions[0].one.size1_in(0))
 
 
 @dataclass(frozen=True)
@@ -169,7 +168,7 @@ def assemble(
         return cas.reshape(z, -1, n), cas.repmat(wind, 1, n)
 
     weights = [
-        block.weights.matrix(block.count * block.functions[0].size1_out(0)) for block in blocks
+        block.weights.matrix(block.count * block.functions[0].one.size1_out(0)) for block in blocks
     ]
     constant = cas.mtimes(linear.matrix(size), values)
 
@@ -187,7 +186,7 @@ def assemble(
         sums = cas.dot(prices, values[places.tolist()]) if places.size else 0
         return (value + sums) / by_cost
 
-    g = constrained([repeated(b.functions[0], b.count)(*at_points(b, b.count)) for b in blocks])
+    g = constrained([b.functions[0].at(at_points(b, b.count))[0] for b in blocks])
     f = priced(cost.functions[0](*z_cost))
 
     value, slope = cost.functions[1](*z_cost)
@@ -202,9 +201,9 @@ def assemble(
     parts, jacobian = [], _Sum((rows, size))
     jacobian.add_constant(linear.rows, linear.columns, linear.values)
     for block in blocks:
-        part, slopes = repeated(block.functions[1], block.count)(*at_points(block, block.count))
+        part, slopes = block.functions[1].at(at_points(block, block.count))
         parts.append(part)
-        row, column = _places(block.functions[1].sparsity_out(1), block.count)
+        row, column = _places(block.functions[1].one.sparsity_out(1), block.count)
         jacobian.add_product(slopes, row, column, block.weights.transposed, block.select, -1.0)
     jac_g = [constrained(parts), _scaled(jacobian.matrix(), inverse, by_column)]
 
@@ -216,8 +215,8 @@ def assemble(
     hessian.add_product(bends, row, column, cost.select, cost.select, upper=True)
     for block, matrix in zip(blocks, weights, strict=True):
         mu = cas.reshape(cas.mtimes(matrix.T, pull), -1, block.count)
-        bends = repeated(block.functions[2], block.count)(*at_points(block, block.count), mu)
-        row, column = _places(block.functions[2].sparsity_out(0), block.count)
+        (bends,) = block.functions[2].at([*at_points(block, block.count), mu])
+        row, column = _places(block.functions[2].one.sparsity_out(0), block.count)
         hessian.add_product(bends, row, column, block.select, block.select, upper=True)
     hess_lag = _scaled(hessian.matrix(), by_column, by_column)
 
@@ -325,15 +324,6 @@ def differentiated(function: cas.Function) -> tuple[cas.Function, cas.Function, 
         cas.Function(f'{name}_slope', [z, wind], [v, cas.jacobian(v, z)], options),
         cas.Function(f'{name}_bend', [z, wind, mu], [cas.hessian(cas.dot(mu, v), z)[0]], options),
     )
-
-
-def repeated(function: cas.Function, n: int) -> cas.Function:
-    """Return the function mapped over n columns, on every core where that pays."""
-    cores = min(len(os.sched_getaffinity(0)), n)
-    interpreted = function.is_a('SXFunction')
-    if cores > 1 and interpreted and function.n_instructions() * n > HEAVY:
-        return function.map(n, 'thread', cores)
-    return function.map(n)
 
 
 def _scaled(matrix: cas.MX, rows: cas.MX, columns: cas.MX) -> cas.MX:

@@ -7,7 +7,8 @@ import casadi as cas
 
 from ..dynamics.opaque import differentiated
 from ..dynamics.stage import Outline, Stage
-from .compiled import compiled
+from .compiled import compiled, compiled_wide
+from .pointwise import Pointwise, pointwise
 
 Three = tuple[cas.Function, cas.Function, cas.Function]
 
@@ -60,15 +61,32 @@ def outputs(stage: Stage, names: Sequence[str]) -> Three:
 
 
 @lru_cache(maxsize=64)
-def compiled_increments(stage: Stage, names: tuple[str, ...] = ()) -> list[cas.Function]:
+def compiled_increments(stage: Stage) -> list[cas.Function]:
     """Return `increments`, compiled where that pays; made once for a stage."""
-    return compiled(increments(stage, names))
+    return compiled(increments(stage))
 
 
 @lru_cache(maxsize=64)
-def compiled_outputs(stage: Stage, names: tuple[str, ...]) -> list[cas.Function]:
-    """Return `outputs`, compiled where that pays; made once for a stage."""
-    return compiled(outputs(stage, names))
+def compiled_increment(stage: Stage) -> cas.Function:
+    """Return the first of `increments`, compiled where that pays; made once for a stage."""
+    return compiled(increments(stage)[:1])[0]
+
+
+@lru_cache(maxsize=64)
+def increments_at_points(stage: Stage, names: tuple[str, ...] = ()) -> list[Pointwise]:
+    """Return `increments`, for many points; made once for a stage."""
+    return _at_points(increments(stage, names))
+
+
+@lru_cache(maxsize=64)
+def outputs_at_points(stage: Stage, names: tuple[str, ...]) -> list[Pointwise]:
+    """Return `outputs`, for many points; made once for a stage."""
+    return _at_points(outputs(stage, names))
+
+
+def _at_points(functions: Three) -> list[Pointwise]:
+    wide = compiled_wide(functions)
+    return pointwise(functions, wide) if wide else pointwise(compiled(functions))
 
 
 def _three(name: str, expression: cas.SX, w: cas.SX, outline: Outline) -> Three:

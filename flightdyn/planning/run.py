@@ -126,7 +126,9 @@ class Run:
         """
         problem, mesh = self.problem, first_mesh(self.problem)
         strategy = strategy_of(problem, mesh)
-        if strategy == 'monotone' and problem.sharpen and not problem.phases:
+        if strategy == 'adaptive':
+            strategy = 'quick'
+        elif problem.sharpen and not problem.phases:
             strategy = 'rough'
         return self.solve(problem, mesh, strategy=strategy)
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..dynamics.stage import Stage
-from .increments import compiled_increments
+from .increments import compiled_increment
 from .layout import Layout
 from .mesh import Mesh, lagrange
 
@@ -169,7 +169,7 @@ def _step(stage: Stage, substeps: int) -> cas.Function:
        J. Comp. Appl. Math. 6 (1), 1980, table 2: RK5(4)7M.
     """
     nx, nu = len(stage.states), len(stage.controls)
-    increment = compiled_increments(stage)[0]
+    increment = compiled_increment(stage)
     symbol: Any = cas.SX if increment.is_a('SXFunction') else cas.MX
     x, piece = symbol.sym('x', nx), symbol.sym('piece', 2 * nu + 5)
     u0, u1, time, length, wind = cas.vertsplit(

@@ -24,24 +24,33 @@ OPTIONS: dict[str, Any] = {
     'ipopt.mumps_permuting_scaling': 0,
     'ipopt.mumps_scaling': 0,
     'ipopt.mumps_pivot_order': 0,
+    'ipopt.fixed_variable_treatment': 'make_parameter_nodual',
     'print_time': False,
     'calc_lam_p': False,
     'calc_lam_x': False,
     'no_nlp_grad': True,
 }
+QUICK: dict[str, Any] = {
+    # neither IPOPT's own scaling nor refined steps, which pay only where a solve is hard
+    'ipopt.nlp_scaling_method': 'none',
+    'ipopt.fast_step_computation': 'yes',
+}
+ADAPTIVE = {'ipopt.mu_strategy': 'adaptive', 'ipopt.mu_oracle': 'probing'}
 STRATEGIES: dict[str, dict[str, Any]] = {
     'monotone': {},
-    'rough': {'ipopt.tol': 1e-3},
-    'adaptive': {'ipopt.mu_strategy': 'adaptive', 'ipopt.mu_oracle': 'probing'},
+    'rough': {**QUICK, 'ipopt.tol': 1e-3},
+    'adaptive': ADAPTIVE,
+    'quick': {**QUICK, **ADAPTIVE},
     'near': {
-        'ipopt.mu_strategy': 'adaptive',
-        'ipopt.mu_oracle': 'probing',
+        **QUICK,
+        **ADAPTIVE,
         'ipopt.mu_init': 1e-4,
         'ipopt.bound_mult_init_method': 'mu-based',
         'ipopt.bound_push': 1e-5,
         'ipopt.bound_frac': 1e-5,
     },
     'warm': {
+        **QUICK,
         'ipopt.warm_start_init_point': 'yes',
         'ipopt.tol': 1e-7,  # of plans made anew every moment
         'ipopt.mu_init': 1e-4,
@@ -54,8 +63,8 @@ STRATEGIES: dict[str, dict[str, Any]] = {
     },
 }
 """Ways of IPOPT: the barrier is lowered step by step, to the end or until it shows where a plan is
-at limits; or as progress goes; from where another solve left off; from a solution's neighbourhood,
-multipliers included."""
+at limits; or as progress goes, with care or with less of it; from where another solve left off;
+from a solution's neighbourhood, multipliers included."""
 
 RESULT_CODES = {
     'Solve_Succeeded': ResultCode.SUCCESS,

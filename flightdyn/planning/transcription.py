@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from ..dynamics.stage import Stage
 from .assembly import Block, Cost, Triplets, assemble, differentiated
-from .increments import compiled_increments, compiled_outputs
+from .increments import increments_at_points, outputs_at_points
 from .layout import Layout, Structure
 from .mesh import lagrange, scheme
 from .objective import trace, with_integrals
+from .pointwise import pointwise
 from .shooting import flight
 
 Array = NDArray[np.float64]
@@ -95,7 +96,7 @@ class Transcription:
         select.add(place + nz - 1, layout.durations[mesh.phase], mesh.length)
         weights.add(rows, nv * k + np.arange(nx)[:, None], 1.0)
         weights.add(sums[:, None], nv * k + nx + np.arange(count)[:, None], 1.0)
-        functions = flight(self.flying, mesh.substeps, linear=not mesh.held)
+        functions = pointwise(flight(self.flying, mesh.substeps, linear=not mesh.held))
         return functions, select, n * nz, weights
 
     def _collocated(self, nx: int, n: int, sums: Index) -> Any:
@@ -160,7 +161,7 @@ class Transcription:
                 weights.add(self._output_rows[i], column, 1.0)
                 self._put_out.add(i)
         self._tie_first_control()
-        functions = compiled_increments(self.flying, names)
+        functions = increments_at_points(self.flying, names)
         return functions, select, first * nz, weights
 
     def _tie_first_control(self) -> None:
@@ -227,7 +228,7 @@ class Transcription:
             number[b.interval, b.position] * len(names) + names.index(b.name) for b in bounded
         ]
         weights.add(self._output_rows[left], np.array(column), 1.0)
-        return [(compiled_outputs(self.stage, names), select, k.size * nz, weights)]
+        return [(outputs_at_points(self.stage, names), select, k.size * nz, weights)]
 
     def _rates(self) -> list[Any]:
         """Return the block of the controls' rates: rate times time is the change."""
@@ -251,7 +252,7 @@ class Transcription:
         select.add(nz * k + np.arange(len(rated))[:, None], layout.rates, 1.0)
         select.add(nz * k + nz - 1, layout.durations[phase], length)
         weights.add(rows, len(rated) * k + np.arange(len(rated))[:, None], 1.0)
-        return [(differentiated(function), select, steps * nz, weights)]
+        return [(pointwise(differentiated(function)), select, steps * nz, weights)]
 
     def _changes(self) -> None:
         """Tie each bounded change to the ends that it is between."""

@@ -4,7 +4,7 @@ import casadi as cas
 import numpy as np
 import pytest
 
-from flightdyn.planning import assembly, conditions, shooting
+from flightdyn.planning import conditions, pointwise, shooting
 from flightdyn.planning.assembly import parameters
 from flightdyn.planning.layout import Structure
 from flightdyn.planning.mesh import METHODS, ORDERS, Mesh, lagrange, scheme, spaced
@@ -82,8 +82,8 @@ def test_derivatives_are_those_of_the_programme(
 
 def test_threads_and_chains_compute_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     alone = make('radau', 'linear', 'everything')
-    monkeypatch.setattr(assembly, 'HEAVY', 0)
-    monkeypatch.setattr(assembly.os, 'sched_getaffinity', lambda pid: range(4))
+    monkeypatch.setattr(pointwise, 'HEAVY', 0)
+    monkeypatch.setattr(pointwise.os, 'sched_getaffinity', lambda pid: range(4))
     threaded = make('radau', 'linear', 'everything')
     w, p = numbers(alone, 1)
     lam = np.ones(alone.rows)
