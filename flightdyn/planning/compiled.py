@@ -23,7 +23,7 @@ FLAGS = ('-Og', *SHARED)  # further optimisation takes longer and gains nothing
 # this gains a factor of two; the numbers are to be the interpreter's, so nothing is contracted
 WIDE_FLAGS = ('-Og', '-fexpensive-optimizations', '-ffp-contract=off', *SHARED)
 WORTHWHILE = 4000  # operations in all; below, CasADi's own interpreter is done sooner
-WIDEST = 100_000  # operations in all; above, optimising them takes longer than a user waits
+WIDEST = 50_000  # operations in all; above, optimising them takes longer than a user waits
 TIMEOUT = 120.0  # s
 
 
@@ -67,7 +67,7 @@ def compiled(functions: Sequence[cas.Function]) -> list[cas.Function]:
         Each must have all the derivatives it needs beside it: compiled ones cannot be
         differentiated.
     """
-    if not _worthwhile(functions):
+    if _operations(functions) < WORTHWHILE:
         return list(functions)
     units = [Unit(each, each.name(), FLAGS, partial(_plain_source, each)) for each in functions]
     return _loaded(units) or list(functions)
@@ -78,8 +78,8 @@ def compiled_wide(functions: Sequence[cas.Function]) -> list[cas.Function] | Non
 
     Of many points it takes a third of the time. None where that does not pay or cannot be done.
     """
-    wide = _worthwhile(functions) and sum(f.n_instructions() for f in functions) <= WIDEST
-    if not wide or not all(map(can_be_wide, functions)):
+    worthwhile = WORTHWHILE <= _operations(functions) <= WIDEST
+    if not worthwhile or not all(map(can_be_wide, functions)):
         return None
     lanes, flags = _vectors()
     return _loaded(
@@ -90,8 +90,8 @@ def compiled_wide(functions: Sequence[cas.Function]) -> list[cas.Function] | Non
     )
 
 
-def _worthwhile(functions: Sequence[cas.Function]) -> bool:
-    return sum(function.n_instructions() for function in functions) >= WORTHWHILE
+def _operations(functions: Sequence[cas.Function]) -> int:
+    return sum(function.n_instructions() for function in functions)
 
 
 def _plain_source(function: cas.Function) -> str:

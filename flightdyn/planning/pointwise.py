@@ -7,6 +7,8 @@ from itertools import zip_longest
 
 import casadi as cas
 
+from .spread import MANY, can_be_spread, spread
+
 HEAVY = 2_000_000  # operations, a few milliseconds: starting threads takes a tenth of one
 
 
@@ -37,7 +39,7 @@ class Pointwise:
         """
         n = points[0].size2()
         if self.wide is None:
-            return list(self._mapped(n).call(points))
+            return list(self._interpreted(n).call(points))
         lanes = self.wide.size2_in(0) // self.one.size2_in(0)
         blocks = -(-n // lanes)
         missing = blocks * lanes - n
@@ -48,8 +50,10 @@ class Pointwise:
             for i, value in enumerate(values)
         ]
 
-    def _mapped(self, n: int) -> cas.Function:
+    def _interpreted(self, n: int) -> cas.Function:
         """Return the function mapped over n columns, on every core where that pays."""
+        if n >= MANY and can_be_spread(self.one):
+            return spread(self.one, n)
         cores = min(len(os.sched_getaffinity(0)), n)
         interpreted = self.one.is_a('SXFunction')
         if cores > 1 and interpreted and self.one.n_instructions() * n > HEAVY:

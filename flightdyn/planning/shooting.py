@@ -12,7 +12,9 @@ import casadi as cas
 from ..dynamics.stage import Stage
 from ..simulation.integrator import rk4_step
 from .assembly import differentiated
+from .compiled import compiled_wide
 from .increments import compiled_increments
+from .pointwise import Pointwise, pointwise
 
 WEIGHTS = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
 AHEAD = (0.0, 0.5, 0.5, 1.0)  # of a step: where the stages of RK4 stand, and how far they reach
@@ -22,15 +24,16 @@ WRITTEN_OUT = 500
 Functions = tuple[cas.Function, cas.Function, cas.Function]
 
 
-def flight(stage: Stage, substeps: int, *, linear: bool) -> Functions:
+def flight(stage: Stage, substeps: int, *, linear: bool) -> list[Pointwise]:
     """Return the functions of a Block whose value is the state at an interval's end.
 
     z is (x, u, time, h): state and held controls at the beginning, time there, the interval's
     length; with `linear` controls (x, u, u_end, time, h).
     """
-    if stage.function.n_instructions() <= WRITTEN_OUT:
-        return differentiated(_written_out(stage, substeps, linear))
-    return chained(stage, substeps, linear=linear)
+    if stage.function.n_instructions() > WRITTEN_OUT:
+        return pointwise(chained(stage, substeps, linear=linear))
+    functions = differentiated(_written_out(stage, substeps, linear))
+    return pointwise(functions, compiled_wide(functions) or ())
 
 
 def _written_out(stage: Stage, substeps: int, linear: bool) -> cas.Function:

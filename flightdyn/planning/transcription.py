@@ -96,7 +96,7 @@ class Transcription:
         select.add(place + nz - 1, layout.durations[mesh.phase], mesh.length)
         weights.add(rows, nv * k + np.arange(nx)[:, None], 1.0)
         weights.add(sums[:, None], nv * k + nx + np.arange(count)[:, None], 1.0)
-        functions = pointwise(flight(self.flying, mesh.substeps, linear=not mesh.held))
+        functions = flight(self.flying, mesh.substeps, linear=not mesh.held)
         return functions, select, n * nz, weights
 
     def _collocated(self, nx: int, n: int, sums: Index) -> Any:

@@ -1,4 +1,4 @@
-"""Functions at several points at once: the very numbers of CasADi's interpreter, in every lane."""
+"""Functions at many points, compiled or not: the very numbers of CasADi's interpreter."""
 
 import shutil
 import subprocess
@@ -15,6 +15,7 @@ from flightdyn.planning.compiled import compiled_wide
 from flightdyn.planning.increments import increments
 from flightdyn.planning.pointwise import pointwise
 from flightdyn.planning.problem_file import load_problem
+from flightdyn.planning.spread import MANY, can_be_spread, spread
 from flightdyn.planning.wide_code import can_be_wide, wide_source
 
 needs_compiler = pytest.mark.skipif(
@@ -76,14 +77,24 @@ def test_every_operation_gives_the_numbers_of_the_interpreter() -> None:
         np.testing.assert_array_equal(ours.full(), theirs.full())
 
 
-@needs_compiler
+def test_every_operation_on_vectors_gives_the_numbers_of_the_interpreter() -> None:
+    function = every_operation()
+    a, b = (values.reshape(1, -1) for values in np.meshgrid(SPECIAL, SPECIAL))
+    for ours, theirs in zip(
+        spread(function, a.size)(a, b), function.map(a.size)(a, b), strict=True
+    ):
+        np.testing.assert_array_equal(ours.full(), theirs.full())
+
+
+@pytest.mark.parametrize('kind', [pytest.param('wide', marks=needs_compiler), 'interpreted'])
 @pytest.mark.parametrize('n', [1, 2, 7, 8, 9, 31])
-def test_any_number_of_points_and_sparse_values(n: int) -> None:
+def test_any_number_of_points_and_sparse_values(n: int, kind: str) -> None:
     x, p = cas.SX.sym('x', 3), cas.SX.sym('p')
-    value = cas.vertcat(cas.sin(x[0]) * p, x[1] * x[2])
+    value = cas.vertcat(cas.sin(x[0]) * p, x[1] * x[2], 2)
     function = cas.Function('f', [x, p], [value, cas.jacobian(value, x)])
-    (at_points,) = pointwise([function], compiled_wide([function]) or [])
-    assert at_points.wide is not None
+    wide = compiled_wide([function]) if kind == 'wide' else None
+    (at_points,) = pointwise([function], wide or [])
+    assert (at_points.wide is not None) == (kind == 'wide')
     xs, ps = cas.MX.sym('xs', 3, n), cas.MX.sym('ps', 1, n)
     both = cas.Function('both', [xs, ps], at_points.at([xs, ps]))
     rng = np.random.default_rng(n)
@@ -106,10 +117,11 @@ def test_motion_of_a_table_gives_the_numbers_of_the_interpreter() -> None:
     given = [z, np.zeros((3, lanes)), rng.standard_normal((functions[2].size1_in(2), lanes))]
     for plain, several in zip(functions, wide, strict=True):
         arguments = given[: plain.n_in()]
-        for ours, theirs in zip(
-            several.call(arguments), plain.map(lanes).call(arguments), strict=True
-        ):
-            np.testing.assert_array_equal(ours.full(), theirs.full())
+        expected = plain.map(lanes).call(arguments)
+        for ours in (several.call(arguments), spread(plain, lanes).call(arguments)):
+            for one, other in zip(ours, expected, strict=True):
+                assert one.sparsity() == other.sparsity()
+                np.testing.assert_array_equal(one.full(), other.full())
 
 
 def test_what_has_no_vector_form_is_left() -> None:
@@ -121,6 +133,16 @@ def test_what_has_no_vector_form_is_left() -> None:
     assert compiled_wide([inverse]) is None
     with pytest.raises(InputError, match='h: has operations'):
         wide_source(inverse, 4)
+    called = cas.Function('h', [x], [cas.erfinv(x)], {'never_inline': True})
+    calling = cas.Function('c', [x], [2 * called(x)])
+    assert not can_be_spread(matrices)
+    assert not can_be_spread(calling) and not can_be_wide(calling)
+    xs = cas.MX.sym('xs', 1, MANY)
+    for function in (inverse, calling):
+        (values,) = pointwise([function])[0].at([xs])
+        points = np.linspace(-0.9, 0.9, MANY)[None]
+        found = cas.Function('found', [xs], [values])(points)
+        np.testing.assert_array_equal(found.full(), function.map(MANY)(points).full())
 
 
 @needs_compiler
