@@ -20,7 +20,13 @@ MAX_KEPT = 32  # programmes
 MAX_OPTIMA = 8  # that several starts are followed to
 SAME = 1e-3  # of the objective: optima on a first mesh that are one
 OTHER_GUESSES = 2
+COMPARISONS = 3
 MAX_TRIED = 150  # iterations of a remedy; those that help need far fewer
+WANDERING = 150  # iterations
+ASTRAY = 100  # tolerances
+"""What a first solve takes, or is off by when flown again, that is then compared with what other
+guesses lead to: from far away it often ends in a lesser optimum, a flight wilder than needed."""
+COMPARED = 'compared with other guesses'
 REMEDIES = (
     'nearest flight',
     'another barrier rule',
@@ -123,7 +129,7 @@ class Planner:
         if _may_be_remedied(found):
             found, missing = _remedied(run, found, seed)
         if found.verification is not None:
-            found = run.best(found)
+            found = run.best(found) if _settled(found) else _compared(run, found, seed)
         return run.finish(found, missing)
 
 
@@ -180,6 +186,41 @@ def _remedied(run: Run, first: Checked, seed: int) -> tuple[Checked, list[dict[s
     return first, []
 
 
+def _settled(found: Checked) -> bool:
+    """Return whether a first solve leaves no doubt, see `WANDERING`."""
+    if found.verification is None or found.attempt.solution.iterations > WANDERING:
+        return False
+    off = found.verification.worst / found.attempt.problem.tolerance
+    return found.attempt.rough or off <= ASTRAY
+
+
+def _compared(run: Run, found: Checked, seed: int) -> Checked:
+    """Return the better plan of what was found and of what another guess leads to directly."""
+    problem, taken = run.problem, time.perf_counter() - run.started
+    run.remedies.append(COMPARED)
+    sign = problem.objective.sign
+    for number in range(1, COMPARISONS + 1):
+        if run.left < taken:
+            break
+        each = run.first(perturbed(problem, seed + number), most_iterations=MAX_TRIED)
+        if each.attempt.solution.code in (ResultCode.CANCELLED, ResultCode.TIME_LIMIT):
+            break
+        if each.verification is not None and _same(each, found):
+            break
+        if not _settled(each):
+            continue
+        other = run.best(each)
+        if not other.within(problem.tolerance):
+            continue
+        if sign * (other.attempt.objective - found.attempt.objective) > 0:
+            # what a coarse mesh promises may be more than can be flown
+            found = run.best(found)
+            if found.within(problem.tolerance):
+                return min(found, other, key=lambda each: sign * each.attempt.objective)
+        return other
+    return run.best(found)
+
+
 def _local_optima(run: Run, starts: int, seed: int) -> list[Checked]:
     """Return the distinct plans found from several guesses, the best first."""
     problem = run.problem
@@ -200,7 +241,11 @@ def _distinct(found: list[Checked], sign: float) -> list[Checked]:
     """Return those with objectives of their own, the best first."""
     distinct: list[Checked] = []
     for each in sorted(found, key=lambda each: sign * each.attempt.objective):
-        value = each.attempt.objective
-        if all(abs(value - o.attempt.objective) > SAME * max(abs(value), 1e-9) for o in distinct):
+        if not any(_same(each, other) for other in distinct):
             distinct.append(each)
     return distinct
+
+
+def _same(one: Checked, other: Checked) -> bool:
+    value, other_value = one.attempt.objective, other.attempt.objective
+    return abs(value - other_value) <= SAME * max(abs(value), 1e-9)

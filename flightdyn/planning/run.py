@@ -119,18 +119,25 @@ class Run:
             self.iterations += attempt.solution.iterations
             return self._check(attempt, programme.transcription)
 
-    def first(self) -> Checked:
+    def first(
+        self, guessed: Problem | None = None, *, most_iterations: int | None = None
+    ) -> Checked:
         """Return what the problem gives on its first mesh, roughly if it may be bang-bang.
 
         Its arcs are seen long before a solve has converged, and are planned anew.
+
+        Parameters
+        ----------
+        guessed : Problem
+            This run's with another guess.
         """
-        problem, mesh = self.problem, first_mesh(self.problem)
+        problem, mesh = guessed or self.problem, first_mesh(self.problem)
         strategy = strategy_of(problem, mesh)
         if strategy == 'adaptive':
             strategy = 'quick'
         elif problem.sharpen and not problem.phases:
             strategy = 'rough'
-        return self.solve(problem, mesh, strategy=strategy)
+        return self.solve(problem, mesh, strategy=strategy, most_iterations=most_iterations)
 
     def best(self, found: Checked) -> Checked:
         """Return the plan that a first solve leads to: with exact switches, or on a finer mesh."""

@@ -26,6 +26,7 @@ OPTIONS: dict[str, Any] = {
     'ipopt.mumps_pivot_order': 0,
     'ipopt.fixed_variable_treatment': 'make_parameter_nodual',
     'print_time': False,
+    'show_eval_warnings': False,  # the report says where a model gives no number
     'calc_lam_p': False,
     'calc_lam_x': False,
     'no_nlp_grad': True,

@@ -5,7 +5,7 @@ import pytest
 
 from flightdyn.errors import ResultCode
 from flightdyn.planning import planner as planning
-from flightdyn.planning.planner import REMEDIES, Planner
+from flightdyn.planning.planner import COMPARED, REMEDIES, Planner
 from flightdyn.planning.problem_file import load_problem
 from flightdyn.planning.remedies import perturbed
 
@@ -94,6 +94,29 @@ def test_a_flight_that_meets_all_conditions_is_where_the_next_solve_starts(
     assert report.remedies == list(REMEDIES[:1])
     assert report.missed == []
     assert report.final_time == pytest.approx(0.8285, abs=2e-3)
+
+
+@pytest.mark.parametrize('seed', [0, 5, 7])
+def test_far_guesses_lead_to_the_best_turn_back(seed: int) -> None:
+    """They ended in loops that cost 71, 54 and 77 m of height."""
+    report = Planner().plan(perturbed(load_problem('cessna152_turnback'), seed)).report
+    assert report.verified
+    assert report.remedies == [COMPARED]
+    assert report.objective == pytest.approx(45.642, abs=0.005)
+
+
+def test_another_guess_that_leads_to_the_same_plan_is_proof_enough(planner: Planner) -> None:
+    settings = ['sharpen=false', 'refine=false']
+    direct = planner.plan(load_problem('quadcopter_flip', [*settings, 'tolerance=0.1'])).report
+    begun: list[int] = []
+    report = planner.plan(
+        load_problem('quadcopter_flip', [*settings, 'tolerance=1.0e-6']),
+        on_iteration=lambda each: begun.append(each.number) if each.number == 0 else None,
+    ).report
+    assert report.remedies == [COMPARED]
+    assert len(begun) == 2  # of the three guesses that may be tried, one
+    assert direct.remedies == []
+    assert report.objective == pytest.approx(direct.objective, rel=1e-3)
 
 
 def test_other_guesses_are_the_same_for_the_same_seed() -> None:
