@@ -14,12 +14,13 @@ from ..trajectory import Trajectory
 from . import conditions
 from .arcs import arcs_of, described, find_arcs, joined, with_arcs
 from .layout import Layout, Structure
-from .mesh import Mesh
+from .mesh import Mesh, Method
 from .problem import Problem
 from .programme import Attempt, Programmes
 from .refinement import finer, first_mesh, resampled, strategy_of
 from .report import Plan, PlanReport, message_of, trajectory_of
 from .samples import JUMP, Path, between, path
+from .shooting import written_out
 from .solver import Iteration, Multipliers, OnIteration
 from .transcription import Transcription
 from .verify import Verification, compare, overshoots, refly
@@ -28,7 +29,10 @@ Array = NDArray[np.float64]
 
 MAX_REFINEMENTS = 8
 MAX_SHARPENINGS = 4
-INTERVALS_IN_ARC = 5
+# Between switches controls are known and the motion smooth: few long flights have least variables,
+# where the model is so small that flights in many steps cost little; else a high order gets most.
+INTERVALS_IN_ARC = {'multiple_shooting': 4, 'radau': 5}
+SUBSTEPS_IN_ARC = 4
 COARSE = 0.05  # of an objective: how far off it a plan may be that is off when flown again
 MAX_WARM = 60  # iterations from an earlier plan; one that needs more is not near
 
@@ -46,6 +50,12 @@ class Checked:
     def within(self, tolerance: float) -> bool:
         """Return whether it converged and is, flown again, within a tolerance."""
         return self.verification is not None and self.verification.worst <= tolerance
+
+
+def arc_method(problem: Problem) -> Method:
+    """Return how the arcs of a bang-bang plan are transcribed."""
+    small = written_out(problem.stage, SUBSTEPS_IN_ARC)
+    return 'multiple_shooting' if small else 'radau'
 
 
 class Run:
@@ -199,10 +209,11 @@ class Run:
             if arcs is None or len(arcs) < 2:
                 return None
             guess = trajectory_of(problem, found.way, found.states)
-            nodes = INTERVALS_IN_ARC * len(arcs)
+            method = arc_method(problem)
+            nodes = INTERVALS_IN_ARC[method] * len(arcs)
             inner = with_arcs(replace(problem, guess_trajectory=guess), arcs, nodes)
-            # controls are known and smooth in each arc: a high order gets most out of it
-            mesh = Mesh.of([leg.nodes for leg in inner.legs], 'radau', 'previous')
+            counts = [leg.nodes for leg in inner.legs]
+            mesh = Mesh.of(counts, method, 'previous', substeps=SUBSTEPS_IN_ARC)
             found = self.solve(inner, mesh, strategy='near')
             if found.verification is None:
                 return None

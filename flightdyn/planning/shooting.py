@@ -12,16 +12,21 @@ import casadi as cas
 from ..dynamics.stage import Stage
 from ..simulation.integrator import rk4_step
 from .assembly import differentiated
-from .compiled import compiled_wide
 from .increments import compiled_increments
 from .pointwise import Pointwise, pointwise
 
 WEIGHTS = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
 AHEAD = (0.0, 0.5, 0.5, 1.0)  # of a step: where the stages of RK4 stand, and how far they reach
-WRITTEN_OUT = 500
-"""Operations of a stage function up to which the flight is differentiated written out."""
+WRITTEN_OUT = 1000
+"""Operations of all stage functions in it up to which a flight is differentiated written out,
+four times as many."""
 
 Functions = tuple[cas.Function, cas.Function, cas.Function]
+
+
+def written_out(stage: Stage, substeps: int) -> bool:
+    """Return whether a flight through an interval is differentiated written out."""
+    return bool(stage.function.n_instructions() * substeps <= WRITTEN_OUT)
 
 
 def flight(stage: Stage, substeps: int, *, linear: bool) -> list[Pointwise]:
@@ -30,10 +35,9 @@ def flight(stage: Stage, substeps: int, *, linear: bool) -> list[Pointwise]:
     z is (x, u, time, h): state and held controls at the beginning, time there, the interval's
     length; with `linear` controls (x, u, u_end, time, h).
     """
-    if stage.function.n_instructions() > WRITTEN_OUT:
+    if not written_out(stage, substeps):
         return pointwise(chained(stage, substeps, linear=linear))
-    functions = differentiated(_written_out(stage, substeps, linear))
-    return pointwise(functions, compiled_wide(functions) or ())
+    return pointwise(differentiated(_written_out(stage, substeps, linear)))
 
 
 def _written_out(stage: Stage, substeps: int, linear: bool) -> cas.Function:
