@@ -5,6 +5,7 @@ and Hessian follow from theirs by the chain rule, with far fewer operations to e
 compile, than if the composition were written out and differentiated.
 """
 
+from functools import lru_cache
 from typing import Any
 
 import casadi as cas
@@ -12,6 +13,7 @@ import casadi as cas
 from ..dynamics.stage import Stage
 from ..simulation.integrator import rk4_step
 from .assembly import differentiated
+from .compiled import compiled_wide
 from .increments import compiled_increments
 from .pointwise import Pointwise, pointwise
 
@@ -29,15 +31,19 @@ def written_out(stage: Stage, substeps: int) -> bool:
     return bool(stage.function.n_instructions() * substeps <= WRITTEN_OUT)
 
 
+@lru_cache(maxsize=64)
 def flight(stage: Stage, substeps: int, *, linear: bool) -> list[Pointwise]:
     """Return the functions of a Block whose value is the state at an interval's end.
+
+    They are made once for a stage.
 
     z is (x, u, time, h): state and held controls at the beginning, time there, the interval's
     length; with `linear` controls (x, u, u_end, time, h).
     """
     if not written_out(stage, substeps):
         return pointwise(chained(stage, substeps, linear=linear))
-    return pointwise(differentiated(_written_out(stage, substeps, linear)))
+    functions = differentiated(_written_out(stage, substeps, linear))
+    return pointwise(functions, compiled_wide(functions) or ())
 
 
 def _written_out(stage: Stage, substeps: int, linear: bool) -> cas.Function:

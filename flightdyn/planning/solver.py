@@ -39,7 +39,12 @@ QUICK: dict[str, Any] = {
 ADAPTIVE = {'ipopt.mu_strategy': 'adaptive', 'ipopt.mu_oracle': 'probing'}
 STRATEGIES: dict[str, dict[str, Any]] = {
     'monotone': {},
-    'rough': {**QUICK, 'ipopt.tol': 1e-3},
+    'rough': {
+        **QUICK,
+        'ipopt.tol': 1e-3,
+        'ipopt.barrier_tol_factor': 30.0,  # on the way down, the rougher the sooner
+        'ipopt.mu_linear_decrease_factor': 0.1,
+    },
     'adaptive': ADAPTIVE,
     'quick': {**QUICK, **ADAPTIVE},
     'near': {
