@@ -263,8 +263,11 @@ def test_recording_survives_sigkill(ros: None, session: Session, tmp_path: Path)
         states.wait(lambda got: got and got[-1].time >= 0.3)
         session.wait_until(lambda: 'end of the plan' in sim.output, 'the end of the plan')
         assert sim.kill() == -signal.SIGKILL
-    topics = read(recording)
-    assert [s.time for s in topics['/k/sim/state']] == [s.time for s in states.messages]
+    recorded = [s.time for s in read(recording)['/k/sim/state']]
+    heard = [s.time for s in states.messages]
+    # what was said last may still be on its way to the one who listens
+    assert recorded[: len(heard)] == heard
+    assert len(heard) > 0.9 * len(recorded)
 
 
 @contextmanager
