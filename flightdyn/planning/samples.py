@@ -233,7 +233,8 @@ def between(stage: Stage, way: Path) -> tuple[Array, Array]:
             reached.append(x)
         miss = x - way.states[:, stretches + 1]
         misses[:, stretches] = miss
-        for i in range(count):
-            states[:, way.planned[stretches] + i] = reached[i] - miss * (i / count)
+        with np.errstate(invalid='ignore'):  # what cannot be flown on ends as infinity
+            for i in range(count):
+                states[:, way.planned[stretches] + i] = reached[i] - miss * (i / count)
     states[:, -1] = way.states[:, -1]
     return states, misses
