@@ -54,8 +54,9 @@ def local_jerk_density(
     -----
     Filters of several densities run side by side; each block of samples is as likely under one as
     its innovations are. The logarithm of the density is taken to change from block to block by
-    steps of an exponential distribution, and is the mean of what that and the innovations say,
-    before and after. North and east share a density, down has its own.
+    steps of an exponential distribution. Of what that and the innovations say, before and after,
+    the density is the mean, not the logarithm: a motion as likely sharp as calm has the mean of
+    both variances. North and east share a density, down has its own.
 
     References
     ----------
@@ -165,4 +166,4 @@ def _most_plausible(terms: Array, levels: Array) -> Array:
     weight = forward * likely * backward
     weight /= weight.sum(axis=1, keepdims=True)
     centres = np.minimum(edges + (BLOCK - 1) / 2, n - 1)
-    return np.asarray(np.exp(np.interp(np.arange(n), centres, weight @ levels)))
+    return np.asarray(np.interp(np.arange(n), centres, weight @ np.exp(levels)))
