@@ -27,6 +27,8 @@ def flight_path(
     acc_var: frames.Vector,
     *,
     lat: Array | None,
+    vel_covariance: ArrayLike = 0.0,
+    acc_covariance: ArrayLike = 0.0,
 ) -> dict[str, Array]:
     """Return speed, angles and load factor with their 1-sigmas.
 
@@ -38,6 +40,8 @@ def flight_path(
         Their variances.
     lat : array (n,) or None
         Latitude [deg], for the rotation of the earth; None leaves that out.
+    vel_covariance, acc_covariance : float or array (n,)
+        Of north with east.
 
     Returns
     -------
@@ -61,13 +65,12 @@ def flight_path(
     speed = np.hypot(horizontal, down)
     course = np.arctan2(east, north)
     along = np.where(horizontal > 0, course, 0.0)
-    var_along = np.cos(along) ** 2 * vel_var[0] + np.sin(along) ** 2 * vel_var[1]
+    vel_cov, acc_cov = np.asarray(vel_covariance), np.asarray(acc_covariance)
+    var_along, _, _ = _turned(along, vel_var, vel_cov)
     track = _hold(course, horizontal > np.maximum(np.sqrt(var_along), REST_SPEED))
     track = np.where(track >= np.pi, track - 2 * np.pi, track)
 
-    cos_t, sin_t = np.cos(track), np.sin(track)
-    var_along = cos_t**2 * vel_var[0] + sin_t**2 * vel_var[1]
-    var_across = sin_t**2 * vel_var[0] + cos_t**2 * vel_var[1]
+    var_along, var_across, _ = _turned(track, vel_var, vel_cov)
     climb = np.arctan2(-down, horizontal)
     var_speed = np.cos(climb) ** 2 * var_along + np.sin(climb) ** 2 * vel_var[2]
     moving = _ramp(speed / np.maximum(np.sqrt(var_speed), REST_SPEED))
@@ -77,11 +80,10 @@ def flight_path(
 
     force = specific_force(vel, acc, lat)
     right, up = _lift_axes(force, track, gamma)
-    var_right = sin_t**2 * acc_var[0] + cos_t**2 * acc_var[1]
-    var_forward = cos_t**2 * acc_var[0] + sin_t**2 * acc_var[1]
+    var_forward, var_right, shared = _turned(track, acc_var, acc_cov)
     var_up = np.sin(gamma) ** 2 * var_forward + np.cos(gamma) ** 2 * acc_var[2]
-    covariance = np.sin(gamma) * sin_t * cos_t * (acc_var[0] - acc_var[1])
-    both = 2 * right * up * covariance
+    # `up` holds less of what is forward as it climbs.
+    both = 2 * right * up * -np.sin(gamma) * shared
     lift = np.maximum(np.hypot(right, up), 1e-9)
     bank_std = np.sqrt(up**2 * var_right + right**2 * var_up - both) / lift**2
     load_std = np.sqrt(right**2 * var_right + up**2 * var_up + both) / lift
@@ -102,6 +104,17 @@ def flight_path(
         'bank_std': np.minimum(bank_std, MAX_TURN_STD),
         'load_factor_std': load_std / G0,
     }
+
+
+def _turned(
+    track: Array, variance: frames.Vector, covariance: Array
+) -> tuple[Array, Array, Array]:
+    """Return the variance forward and right of a direction, and the covariance of the two."""
+    c, s = np.cos(track), np.sin(track)
+    north, east, _ = (np.asarray(v) for v in variance)
+    forward = c**2 * north + s**2 * east + 2 * c * s * covariance
+    right = s**2 * north + c**2 * east - 2 * c * s * covariance
+    return forward, right, s * c * (east - north) + (c**2 - s**2) * covariance
 
 
 def specific_force(vel: frames.Vector, acc: frames.Vector, lat: Array | None) -> frames.Vector:

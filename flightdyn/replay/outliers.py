@@ -24,7 +24,7 @@ REACQUIRE = 5
 MAX_LONE_SHARE = 0.2
 """If more of the samples lie off the line of their neighbours, none is left out for that [1]."""
 
-MAX_GATE_SHARE = 0.01
+MAX_GATE_SHARE = 0.02
 """If the motion model contradicts more of the samples, it is the model that is wrong [1]."""
 
 COARSE_ACCELERATION = 200.0

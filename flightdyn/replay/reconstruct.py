@@ -11,6 +11,7 @@ from ..errors import InputError
 from ..logs.track import Track
 from ..trajectory import Trajectory, stretches
 from .flight_path import bank_about, energies, flight_path, turn_from_origin
+from .jitter import estimate_jitter, smooth_jittered
 from .manoeuvres import local_jerk_density
 from .noise import MIN_STD, Noise, estimate_noise
 from .outliers import Rejected, Verdict, judge, judge_smoothed
@@ -101,6 +102,9 @@ def reconstruct(
     Samples that the rest contradicts are not used, see `outliers`; where the positions jump for
     good a new segment begins. `reconstruct_checked` tells what was left out.
 
+    Where there are positions alone and time stamps seem off, positions are taken as less sure
+    along the way than across it, see `jitter`.
+
     What the log reports as 1-sigma beyond the white noise seen in it is taken as an error common
     to neighbouring samples: smoothing does not lessen it, and it is added to the result's. So is
     `VELOCITY_WANDER` where velocity is known from positions on the earth alone.
@@ -183,13 +187,34 @@ def reconstruct_checked(
             jerk_density=noise.jerk_density,
         )
         vectors, variances = _smoothed(samples, plane, white, density)
+    covariance = np.zeros((3, samples.time.size))  # of north with east
+    if given[0] is None and given[2] is None and plane.velocity is None:
+        jitter = estimate_jitter(
+            samples.time,
+            plane.measured[:, :2],
+            vectors[1, :, :2],
+            samples.segment,
+            position_std=float(noise.position_std[0]),
+            position_std_limits=(digits, _median(_reported(samples.position_std))),
+        )
+        if jitter is not None:
+            vectors[..., :2], both = smooth_jittered(
+                samples.time,
+                plane.measured,
+                vectors[1, :, :2],
+                samples.segment,
+                jitter=jitter,
+                jerk_density=noise.jerk_density,
+            )
+            variances[..., :2] = np.diagonal(both, axis1=2, axis2=3)
+            covariance = both[..., 0, 1]
     variances[:2] += np.stack(common)
     if samples.geodetic is not None and plane.velocity is None:
         variances[1] += VELOCITY_WANDER**2
     elif samples.geodetic is not None and given[0] is None:
         told = _reported(samples.position_std)
         variances[0] = np.maximum(variances[0], 0.0 if told is None else told**2)
-    return _trajectory(samples, plane.origin, vectors, variances, wind), rejected
+    return _trajectory(samples, plane.origin, vectors, variances, covariance, wind), rejected
 
 
 @dataclass(frozen=True)
@@ -284,19 +309,40 @@ def _smoothed(
     return vectors, variances
 
 
+def _turned(rotation: frames.Rotation, variance: Array, covariance: Array) -> tuple[Array, Array]:
+    """Return variances (3, n) and the covariance (n,) of the first two in other axes.
+
+    Parameters
+    ----------
+    variance : array (n, 3)
+    covariance : array (n,)
+        Of the first axis with the second.
+    """
+    first, second, _ = rotation
+    found = [
+        sum(np.square(r) * variance[:, k] for k, r in enumerate(row))
+        + 2 * row[0] * row[1] * covariance
+        for row in rotation
+    ]
+    shared = sum(
+        a * b * variance[:, k] for k, (a, b) in enumerate(zip(first, second, strict=True))
+    )
+    return np.stack(found), shared + (first[0] * second[1] + first[1] * second[0]) * covariance
+
+
 def _trajectory(
     samples: Samples,
     origin: GeodeticPoint | None,
     vectors: Array,
     variances: Array,
+    covariance: Array,
     wind: Method | None,
 ) -> Trajectory:
     position = vectors[0]
     r_local_origin = frames.transpose(turn_from_origin(position, origin))
     vel, acc = (frames.rotate(r_local_origin, _components(rows)) for rows in vectors[1:])
-    first, second, third = (tuple(np.square(r) for r in row) for row in r_local_origin)
-    vel_var, acc_var = (
-        frames.rotate((first, second, third), _components(rows)) for rows in variances[1:]
+    (vel_var, vel_cov), (acc_var, acc_cov) = (
+        _turned(r_local_origin, variances[k], covariance[k]) for k in (1, 2)
     )
     place: dict[str, Array] = {}
     if origin is not None:
@@ -307,7 +353,15 @@ def _trajectory(
                 strict=True,
             )
         )
-    angles = flight_path(vel, acc, vel_var, acc_var, lat=place.get('lat'))
+    angles = flight_path(
+        vel,
+        acc,
+        _components(vel_var.T),
+        _components(acc_var.T),
+        vel_covariance=vel_cov,
+        acc_covariance=acc_cov,
+        lat=place.get('lat'),
+    )
     outputs = {
         'u_e': np.asarray(vel[0]),
         'v_e': np.asarray(vel[1]),

@@ -129,3 +129,14 @@ def test_bank_about_the_air_of_a_circle_that_drifts() -> None:
     tiny = tuple(np.full(t.size, 1e-8) for _ in range(3))
     over_ground = flight_path(vel, acc, tiny, tiny, lat=None)['bank']
     assert np.ptp(over_ground) > np.radians(2)  # the ground does
+
+
+def test_what_north_and_east_share_is_noise_along_a_diagonal() -> None:
+    """North-east, of variances 1 and covariance 0.6: 1.6 along, 0.4 across."""
+    variance = {'vel_var': three(1.0, 1.0, 1.0), 'acc_var': three(1.0, 1.0, 1.0)}
+    found = angles(
+        (30.0, 30.0, 0.0), (0.0, 0.0, 0.0), **variance, vel_covariance=0.6, acc_covariance=0.6
+    )
+    assert found['speed_std'] == pytest.approx(np.sqrt(1.6))
+    assert found['track_std'] == pytest.approx(np.sqrt(0.4) / np.hypot(30.0, 30.0))
+    assert found['bank_std'] == pytest.approx(np.sqrt(0.4) / G0)

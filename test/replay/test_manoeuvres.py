@@ -83,4 +83,6 @@ def test_segments_and_samples_without_a_position_do_not_disturb() -> None:
     assert np.isfinite(found).all()
     assert np.median(found[turning, 0]) > 10 * np.median(found[~turning, 0])
     lonely = density_of(t[:2], p[:2], segment=np.array([0, 1]))
-    np.testing.assert_allclose(lonely, 0.5, rtol=0.01)  # nothing known: that of the log
+    # Nothing known: any within a decade of that of the log, and the mean of them.
+    any_of_them = 0.5 * np.mean(10.0 ** np.linspace(-1, 1, 5))
+    np.testing.assert_allclose(lonely, any_of_them, rtol=0.01)
