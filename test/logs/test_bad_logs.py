@@ -257,6 +257,7 @@ def test_bombs_are_refused_in_bounded_memory(tmp_path: Path) -> None:
         assert 'byte ' in done.stderr
 
 
+@pytest.mark.slow
 def test_many_tiny_records_take_bounded_memory(tmp_path: Path) -> None:
     """Seven million records of nothing, in 100 kB."""
     nothing = record(0x7F, b'') * (2**23 - 10**6)
