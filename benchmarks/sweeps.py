@@ -127,7 +127,7 @@ def _command(path: Path, folder: Path, workers: int) -> list[str]:
     command = [
         sys.executable,
         '-m',
-        'flightdyn.cli',
+        'flightdyn',
         'batch',
         'plan',
         str(path),

@@ -47,7 +47,7 @@ def try_log(log: Path, megabytes: int, seconds: float) -> Trial:
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_DATA, (megabytes * 2**20,) * 2)
 
-    command = [sys.executable, '-m', 'flightdyn.cli', 'replay', str(log), '--json']
+    command = [sys.executable, '-m', 'flightdyn', 'replay', str(log), '--json']
     start = time.monotonic()
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
         process = subprocess.Popen(command, stdout=out, stderr=err, preexec_fn=limit)

@@ -391,7 +391,3 @@ def _fit_error(vehicle: 'Vehicle') -> str:
     errors = {name: e for name, e in vehicle.fit_errors.items() if name in ('CL', 'CD')}
     told = [f'{name} {e.largest:.1e}{" rel." * e.relative}' for name, e in errors.items()]
     return ', '.join(told) or '-'
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -281,7 +281,7 @@ def test_interrupt_leaves_nothing_half_and_says_how_to_go_on(tmp_path: Path) -> 
     logs.mkdir()
     for i in range(60):
         (logs / f'{i:02}.mcap').symlink_to(GLIDER)
-    command = [sys.executable, '-m', 'flightdyn.cli', 'batch', 'replay', f'{logs}/*']
+    command = [sys.executable, '-m', 'flightdyn', 'batch', 'replay', f'{logs}/*']
     process = subprocess.Popen(
         [*command, '-o', str(out), '--workers', '1'],
         stderr=subprocess.PIPE,

@@ -78,7 +78,7 @@ def test_results_do_not_depend_on_what_a_process_did_before(
 @pytest.mark.timeout(400)  # three times processes are started, on a machine that may be busy
 def test_killed_and_resumed_it_gives_what_the_serial_run_does(tmp_path: Path) -> None:
     path, out = write(tmp_path), tmp_path / 'out'
-    command = [sys.executable, '-m', 'flightdyn.cli', 'batch', 'plan', path, '-o', str(out)]
+    command = [sys.executable, '-m', 'flightdyn', 'batch', 'plan', path, '-o', str(out)]
     process = subprocess.Popen(
         [*command, '--workers', '1'], stderr=subprocess.DEVNULL, start_new_session=True
     )

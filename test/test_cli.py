@@ -349,7 +349,7 @@ def test_closed_pipe_is_no_error() -> None:
     read, write = os.pipe()
     os.close(read)
     done = subprocess.run(
-        [sys.executable, '-m', 'flightdyn.cli', 'models'],
+        [sys.executable, '-m', 'flightdyn', 'models'],
         stdout=write,
         stderr=subprocess.PIPE,
         text=True,

@@ -24,7 +24,7 @@ LAYERS = [
     *('errors', 'units', 'numpy', 'files', 'config', 'frames', 'environment', 'resources'),
     *('trajectory', 'tables', 'dynamics', 'vehicles', 'logs', 'replay', 'simulation'),
     *('control', 'planning', 'viewing', 'export', 'batch', 'batch_replay', 'batch_plan'),
-    *('console', 'cli_logs', 'cli_batch', 'cli_view', 'cli'),
+    *('console', 'cli_logs', 'cli_batch', 'cli_view', 'cli', '__main__'),
     'nodes',
 ]
 

@@ -98,7 +98,7 @@ def test_no_flight_of_another_direction_reaches_further(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_processes_that_compile_the_same_at_once_do_not_clash(tmp_path: Path) -> None:
     """Each compiles in a folder of its own, and what is done takes its place at once."""
-    command = [sys.executable, '-m', 'flightdyn.cli', 'plan', 'cessna152_glide']
+    command = [sys.executable, '-m', 'flightdyn', 'plan', 'cessna152_glide']
     settings = ['--set', 'nodes=12', '--set', 'refine=false', '--set', 'tolerance=1']
     runs = [
         subprocess.Popen(

@@ -152,7 +152,7 @@ def main(arguments: Sequence[str]) -> None:
 def run(command: str, folder: Path) -> str:
     """Run a command of the page, with this checkout's files, in a folder; return what failed."""
     program, *rest = shlex.split(command)
-    start = ['-m', 'flightdyn.cli'] if program == 'flightdyn' else []
+    start = ['-m', 'flightdyn'] if program == 'flightdyn' else []
     rest = [str(ROOT / each) if (ROOT / each).is_file() else each for each in rest]
     done = subprocess.run(
         [sys.executable, *start, *rest], cwd=folder, capture_output=True, text=True, check=False

@@ -153,6 +153,8 @@ def open_log(path: Path) -> OpenedLog | None:
 
 
 def _head(path: Path) -> bytes:
+    if path.exists() and not path.is_file():  # a pipe would be waited for, and read but once
+        raise LogError(f'{path}: a pipe or device, not a file: save what comes from it first')
     try:
         with path.open('rb') as stream:
             return stream.read(_HEAD_BYTES)

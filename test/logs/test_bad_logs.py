@@ -237,7 +237,7 @@ def run_limited(path: Path, megabytes: int) -> subprocess.CompletedProcess[str]:
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_DATA, (megabytes * 2**20,) * 2)
 
-    command = [sys.executable, '-m', 'flightdyn.cli', 'replay', str(path)]
+    command = [sys.executable, '-m', 'flightdyn', 'replay', str(path)]
     return subprocess.run(
         command, capture_output=True, text=True, check=False, timeout=60, preexec_fn=limit
     )

@@ -142,7 +142,7 @@ def test_what_cannot_be_shown_is_one_clear_line(tmp_path, capsys, arguments, sai
 @pytest.mark.slow
 @pytest.mark.parametrize(('number', 'code'), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_browsers_on_this_machine_are_served_until_interrupted(tmp_path, number, code):
-    command = [sys.executable, '-m', 'flightdyn.cli', 'view', plan_file(tmp_path / 'a.json')]
+    command = [sys.executable, '-m', 'flightdyn', 'view', plan_file(tmp_path / 'a.json')]
     process = subprocess.Popen([*command, '--web'], stdout=subprocess.PIPE, text=True)
     try:
         url = process.stdout.readline().strip()

@@ -204,7 +204,7 @@ class _Header:
             text = f'{cells[self.at["date"]].strip().replace("/", "-")}T{text}'
         time_ns = self._time(text)
         if time_ns is None:
-            return table.reject('with a time that is none', where)
+            return table.reject('with a time neither ISO 8601 nor counted since 1970', where)
         value = {}
         for name in self.factor:
             try:

@@ -1,6 +1,7 @@
 """What holds for logs of every kind: conversion keeps them, damage is told in one line."""
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -131,3 +132,12 @@ def test_a_bag_that_is_called_mcap_is_named_for_what_it_is(tmp_path: Path) -> No
     renamed = bag.rename(tmp_path / 'log.mcap')
     with pytest.raises(LogError, match='no MCAP but ROS 1 bag, in spite of its name'):
         read_track(renamed)
+
+
+@pytest.mark.parametrize('command', ['replay', 'info'])
+def test_pipes_are_refused_and_not_waited_for(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    os.mkfifo(tmp_path / 'pipe')
+    assert main([command, str(tmp_path / 'pipe')]) == 2
+    assert 'pipe: a pipe or device, not a file' in capsys.readouterr().err

@@ -95,7 +95,7 @@ def test_bad_lines_are_counted_with_their_numbers(tmp_path: Path) -> None:
     bad = ['x,48,9,500', f'{START_S},48', f'{START_S},4_8,9,500', f'{START_S + 9},,,']
     track = read_track(table(tmp_path / 'b.csv', 'time,lat,lon,alt', *good, '', *bad))
     assert track.dropped == {
-        'with a time that is none': 1,
+        'with a time neither ISO 8601 nor counted since 1970': 1,
         'shorter than the header': 1,
         'where lat is no number': 1,
         'position not finite': 1,
