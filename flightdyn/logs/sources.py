@@ -265,8 +265,9 @@ def read_track(
         usable = [s for s in known if s.usable]
         candidates = usable if source is None else _named(log, known, source)
         if not candidates:
+            damage = ''.join(f'{warning}; ' for warning in log.warnings)
             raise LogError(
-                f'{path}: no usable position source. Topics: {_topics(known)}. '
+                f'{path}: {damage}no usable position source. Topics: {_topics(known)}. '
                 f'Usable would be: {USABLE}'
             )
         return first_usable(

@@ -156,6 +156,13 @@ def test_no_position_lists_what_there_is(write_log: Write) -> None:
         read_track(path, '/imu')
 
 
+def test_log_cut_before_its_first_position_says_so(write_log: Write) -> None:
+    path = write_log(fixes(9))
+    path.write_bytes(path.read_bytes()[:60])
+    with pytest.raises(LogError, match=r'recording was cut short.*no usable position source'):
+        read_track(path)
+
+
 @pytest.mark.parametrize('encoding', ['ros1', 'flatbuffer', 'cbor'])
 def test_other_encodings_are_listed_as_not_readable(write_log: Write, encoding: str) -> None:
     path = write_log(fixes(9), encoding=encoding)
