@@ -265,12 +265,12 @@ def _files(names: Sequence[str]) -> list[Path]:
     files: list[Path] = []
     for name in names:
         path = Path(name)
-        if path.is_dir():
+        if os.path.isdir(path):
             inside = sorted(p for p in path.iterdir() if p.is_file() and p.name[0] != '.')
             if not inside:
                 raise InputError(f'nothing in the folder {path}')
             files += inside
-        elif path.is_file():
+        elif os.path.isfile(path):
             files.append(path)
         else:
             raise InputError(f'no file {path}')

@@ -76,7 +76,7 @@ GOLDEN: dict[str, dict[str, Any]] = {
         'height left at the airfield, wind 10 m/s': approx(110.11, abs=0.1),
     },
     'noise_departure': {
-        # the planner's own, the best of 24 guesses; past the other side it is 1 dB louder
+        # the planner's own, the best of 47 guesses; past the other side it is 1 dB louder
         'exposure of all, quiet': approx(91.91, abs=0.05),
         'exposure of all, fast': approx(104.36, abs=0.1),
         'duration, quiet': approx(300, abs=0.1),  # all that is allowed

@@ -1,5 +1,6 @@
 """Logs of every kind that can be read; the kind is told by the file's first bytes."""
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -123,7 +124,7 @@ def describe(path: str | Path) -> LogInfo:
 
 def is_mcap(path: str | Path) -> bool:
     """Return whether a file begins as an MCAP does."""
-    return not Path(path).is_dir() and _head(Path(path)).startswith(_MAGIC)
+    return not os.path.isdir(path) and _head(Path(path)).startswith(_MAGIC)
 
 
 def open_log(path: Path) -> OpenedLog | None:
@@ -134,7 +135,7 @@ def open_log(path: Path) -> OpenedLog | None:
     LogError, MissingExtraError
         As `read_track`.
     """
-    head = b'' if path.is_dir() else _head(path)
+    head = b'' if os.path.isdir(path) else _head(path)
     if head.startswith(_MAGIC):
         return None
     for kind in _FORMATS:
@@ -153,9 +154,9 @@ def open_log(path: Path) -> OpenedLog | None:
 
 
 def _head(path: Path) -> bytes:
-    if path.exists() and not path.is_file():  # a pipe would be waited for, and read but once
-        raise LogError(f'{path}: a pipe or device, not a file: save what comes from it first')
     try:
+        if path.exists() and not path.is_file():  # a pipe would be waited for, and read but once
+            raise LogError(f'{path}: a pipe or device, not a file: save what comes from it first')
         with path.open('rb') as stream:
             return stream.read(_HEAD_BYTES)
     except OSError as error:

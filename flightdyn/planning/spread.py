@@ -7,7 +7,7 @@ sixth of the time, where there is no C compiler. The numbers are the same.
 
 import casadi as cas
 
-MANY = 24  # points; with fewer, vectors cost more than they save
+MANY = 24  # points; the fewer there are, the less is saved for the time of writing it down
 LONGEST = 100_000  # operations; each takes ten microseconds to write down
 
 

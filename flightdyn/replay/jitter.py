@@ -145,10 +145,8 @@ def smooth_jittered(
 
     Returns
     -------
-    vectors : array (3, n, 2)
-        Position [m], velocity [m/s], acceleration [m/s^2].
-    covariance : array (3, n, 2, 2)
-        Of each.
+    vectors, covariance
+        As `coupled.smooth_horizontal` does.
 
     Notes
     -----

@@ -141,3 +141,12 @@ def test_pipes_are_refused_and_not_waited_for(
     os.mkfifo(tmp_path / 'pipe')
     assert main([command, str(tmp_path / 'pipe')]) == 2
     assert 'pipe: a pipe or device, not a file' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('command', ['replay', 'info', 'view'])
+def test_names_that_no_file_can_have_are_told_in_one_line(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The system refuses to look for them, which ended in a traceback."""
+    assert main([command, 'a' * 300]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
